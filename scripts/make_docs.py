@@ -17,6 +17,7 @@ from pathlib import Path
 
 import click
 
+from ancf2d import load as read_dict
 from ancf2d.case import markdown_reference
 from ancf2d.cli.app import COMMANDS, app
 from ancf2d.elements import registry
@@ -116,6 +117,29 @@ def resolution() -> str:
     return table(["case", "elements", "error of the mesh", "the warning says"], rows)
 
 
+def plastic_zones() -> str:
+    """Return the errors of a cantilever with a plastic zone beside the limits of its types, and what warnings say."""
+    def solved(kind: str, count: int) -> tuple[float, list[str]]:
+        element = {"type": kind, "count": count} | ({"formulation": "structural"} if kind == "vallejo" else {})
+        done = run_case(read_dict({
+            "bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]}, "element": element,
+                                "section": {"height": 0.1, "width": 0.05},
+                                "material": {"E": 2e11, "nu": 0.3, "yield": 2.5e8, "hardening": {"isotropic": 2e9}}}},
+            "boundary_conditions": [{"type": "clamp", "at": "beam@0"}], "solver": {"type": "static", "steps": 4},
+            "loads": [{"type": "force", "at": "beam@1", "value": [0, -1.4 * 2.5e8 * 0.05 * 0.1**2 / 6]}],
+            "output": {"probes": {"tip": "beam@1"}}}))
+        return done.summary["probes"]["tip"]["uy"], re.findall(r"yields, .* about (\S+) %", " ".join(done.warnings))
+
+    rows = []
+    for kind in ("reissner2", "reissner3", "cable", "vallejo"):
+        limit, _ = solved(kind, 256)
+        for count in (2, 4, 8, 16):
+            value, told = solved(kind, count)
+            rows.append([f"`{kind}`", str(count), f"{100 * abs(value / limit - 1):.2g} %",
+                         f"about {told[0]} %" if told else ""])
+    return table(["type", "elements", "error of the mesh", "the warning says"], rows)
+
+
 def paper() -> str:
     """Return the paper's tables with a verdict per entry."""
     tables = reproduce_paper.TABLES.values()
@@ -157,6 +181,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "accuracy-meshes": lambda: accuracy((2, 4, 8, 16, 32), BEAMS[1:2]),
     "accuracy-thick": lambda: accuracy((2, 4, 8, 16, 32), BEAMS[2:]),
     "resolution": resolution,
+    "plastic-zones": plastic_zones,
     "paper": paper,
     "shape-functions": shape_functions.all_types,
     "audit-verdicts": audit_table.verdicts,

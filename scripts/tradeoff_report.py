@@ -3,7 +3,7 @@
 About a quarter of an hour; on a machine that does nothing else, or with a priority that nothing else has (chrt -f 10),
 or the times are not those of the solves.
 
-    OPENBLAS_NUM_THREADS=1 python -m scripts.tradeoff_report [--studies cantilever,beam]
+    python -m scripts.tradeoff_report [--studies cantilever,beam]
 """
 
 from __future__ import annotations

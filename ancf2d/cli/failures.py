@@ -108,7 +108,9 @@ def problems_text(problems: list[Problem], case: str) -> str:
     """Return problems one below the other, followed by their number."""
     lines = [str(p) for p in problems]
     if case:
-        lines.append(f"{len(problems)} problem{'' if len(problems) == 1 else 's'} in {case}")
+        # none may be in the case itself, but in an option or in data
+        where = f" in {case}" if any(p.file == case for p in problems) else ""
+        lines.append(f"{len(problems)} problem{'' if len(problems) == 1 else 's'}{where}")
     return "\n".join(lines)
 
 

@@ -33,7 +33,7 @@ MOST = 1e-5
 
 
 def run_report(summary: dict[str, Any], units: Units, extent: float, unbalanced: float = 0.0) -> str:
-    """Return the summary of a finished run as text: status, probes, reactions, expected values.
+    """Return the summary of a finished run as text: status, probes, reactions, contacts, expected values.
 
     ``extent`` [length] of the model and the ``unbalanced`` forces [force] determine which values are round-off.
     """
@@ -53,12 +53,27 @@ def run_report(summary: dict[str, Any], units: Units, extent: float, unbalanced:
     for title, key in (("probe", "probes"), ("reaction", "reactions")):
         if summary.get(key):
             lines += ["", *_quantities(title, summary[key], labels, floors)]
+    if summary.get("contacts"):
+        lines += ["", *_contacts(summary["contacts"], labels, floors["force"])]
     for key, described in _FINDINGS.items():
         if summary.get(key):
             lines += ["", *described(summary[key], labels)]
     if summary.get("checks"):
         lines += ["", *_checks(summary["checks"], labels)]
     return "\n".join(lines)
+
+
+def _contacts(found: list[dict[str, Any]], labels: Labels, floor: float) -> list[str]:
+    """Return force, pressing force and zone of each contact; the forces of a body on itself cancel."""
+    forces = (f"{of} [{labels[1]}]" for of in ("fx", "fy", "pressing"))
+    rows = [["contact", *forces, f"length [{labels[0]}]", "from S", "to S"]]
+    for one in found:
+        values = [rounded(value, floor) for value in (*one["force"], one["normal"])]
+        if one["normal"] > floor and not any(one["force"]):
+            values[:2] = "", ""
+        zone = ["" if one[end] is None else number(one[end]) for end in ("from", "to")]
+        rows.append([one["name"], *values, number(one["length"]), *zone])
+    return table(rows)
 
 
 def _frequencies(found: list[dict[str, Any]], labels: Labels) -> list[str]:
@@ -155,12 +170,13 @@ _FINDINGS: dict[str, Callable[[Any, Labels], list[str]]] = {
 def round_off_floors(summary: dict[str, Any], extent: float, unbalanced: float) -> dict[str, float]:
     """Return, for each kind of quantity, the magnitude below which a value is round-off.
 
-    This is 1e-12 of the largest of its kind among probes and reactions. Moments and rotations count as forces and
-    displacements at the distance ``extent``, and vice versa, because a column of round-off alone has no scale
-    of its own. The floor of forces is at least the ``unbalanced`` force of the solution.
+    This is 1e-12 of the largest of its kind among probes, reactions and contacts. Moments and rotations count as forces
+    and displacements at the distance ``extent``, and vice versa, because a column of round-off alone has no scale of
+    its own. The floor of forces is at least the ``unbalanced`` force of the solution.
     """
     largest: dict[str, float] = dict.fromkeys(_KINDS.values(), 0.0)
-    for row in (row for key in ("probes", "reactions") for row in summary.get(key, {}).values()):
+    pressing = [{"fx": one["normal"]} for one in summary.get("contacts", ())]
+    for row in (*(row for key in ("probes", "reactions") for row in summary.get(key, {}).values()), *pressing):
         for q, value in row.items():
             largest[_KINDS.get(q, q)] = max(largest.get(_KINDS.get(q, q), 0.0), abs(value))
     scales = dict(largest)

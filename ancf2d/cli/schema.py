@@ -74,7 +74,8 @@ def _run() -> Schema:
                     allowed=NUMBER, met=FLAG, source=TEXT)
     contact = _object("a contact, as it acts on the first body named", {
         "from": _is("number?", "least S that touches"), "to": _is("number?", "largest S that touches")}, name=TEXT,
-        force=_list(NUMBER), moment=_is("number", "about the origin"), length=_is("number", "of the reference axis"))
+        force=_list(NUMBER), moment=_is("number", "about the origin"),
+        normal=_is("number", "integral of the pressure"), length=_is("number", "of the reference axis"))
     window = _object("a mean or peak", {"from": _is("number", "where it begins"), "to": _is("number", "where it ends")},
                      of=TEXT, value=NUMBER_OR_NONE, sampling=NUMBER_OR_NONE)
     optional: Schema = {

@@ -26,11 +26,15 @@ from .contact_geometry import (
     BY,
     HOME,
     MEMORY,
+    OF_TANGENT,
+    OF_THETA,
     OFFSET,
     OPPOSITE,
     PLACE,
     PLACEMENT,
     RHO,
+    SECTION,
+    TERMS,
     curve_derivative,
     interpolate,
     offset,
@@ -60,6 +64,8 @@ BODY_MEMORY = MEMORY + 4
 NOWHERE, WITHIN, AT_FIRST, AT_LAST = 0.0, 1.0, 2.0, 3.0
 # greatest number of iterations for a foot point; steps below _ROUND that no longer shrink are round-off
 _TRIES, _ROUND = 25, 1e-11
+# |z| beyond this is off the end of an element, so that a point between two elements is within both
+PAST_END = 1.0 + 1e-6
 # largest |z|: an element's polynomial is used up to here beyond its ends
 REACH = 1.5
 
@@ -70,7 +76,8 @@ class Facing(NamedTuple):
     item, way : (k,) its number among the point laws, and the set of curves it may touch; own : (k, 2) number of its own
     fields and coordinates; first : (ways + 1,) where the curves of each set start, tree : (ways + 1,) where
     its tree starts; curve : (curves, CURVE_SIZE) constants of a curve; sizes : (curves, 2) its fields and coordinates;
-    at : (curves, 3) where its entries of dofs, G and p0 start; now, boxes : (., 4) work arrays for fields and tree.
+    at : (curves, 3) where its entries of dofs, G and p0 start; now, chords : (curves, 5), boxes : (., 4) work arrays
+    for fields, chords (``kernels.chords``) and the tree.
     """
 
     item: Any
@@ -85,7 +92,53 @@ class Facing(NamedTuple):
     G: Any
     p0: Any
     now: Any
+    chords: Any
     boxes: Any
+
+
+def line_at(par, p0, u, z, y):  # type: ignore[no-untyped-def]
+    """Return (x, y, tx, ty, kx, ky): position at the distance y from a curve's axis, and its derivatives by z.
+
+    Unlike ``curve_at`` without derivatives by the fields, which a search does not need.
+    """
+    terms, section = int(par[TERMS]), int(par[SECTION])
+    x0, x1, x2, x3 = _powers(p0, u, 0, terms, z)
+    y0, y1, y2, y3 = _powers(p0, u, terms, terms, z)
+    if section == OF_THETA:
+        angle, first, second, _ = _powers(p0, u, 2 * terms, terms, z)
+        c, s = np.cos(angle), np.sin(angle)
+    elif section == OF_TANGENT and y != 0.0:
+        # the normal turns at the rate w = X''.n/L, L = |X'|
+        L = np.sqrt(x1 * x1 + y1 * y1)
+        c, s = x1 / L, y1 / L
+        first = (y2 * c - x2 * s) / L
+        second = ((y3 * c - x3 * s) - 2.0 * first * (x2 * c + y2 * s)) / L
+    else:
+        return x0, y0, x1, y1, x2, y2
+    bend = y * first * first
+    return (x0 - y * s, y0 + y * c, x1 - y * first * c, y1 - y * first * s,
+            x2 - y * second * c + bend * s, y2 - y * second * s - bend * c)
+
+
+def _powers(p0, u, at, terms, z):  # type: ignore[no-untyped-def]
+    """Return a polynomial with the coefficients p0 + u from ``at`` on, and its three derivatives, at z."""
+    v0, v1, v2, v3 = 0.0, 0.0, 0.0, 0.0
+    for j in range(terms - 1, -1, -1):
+        v3 = v3 * z + 3.0 * v2
+        v2 = v2 * z + 2.0 * v1
+        v1 = v1 * z + v0
+        v0 = v0 * z + p0[at + j] + u[at + j]
+    return v0, v1, v2, v3
+
+
+def trace_at(par, p0, u, z):  # type: ignore[no-untyped-def]
+    """Return (x, y, tx, ty, kx, ky) of ``line_at`` for a curve that may be touched, which may be an end of a body."""
+    if par[END] == 0.0:
+        return line_at(par, p0, u, z, par[OFFSET])
+    x, y, _, _, _, _ = line_at(par, p0, u, par[END], 0.0)
+    a, b, _, _, _, _ = line_at(par, p0, u, par[END], par[END_HALF])
+    at = par[END_MIDDLE] / par[END_HALF] + z
+    return x + at * (a - x), y + at * (b - y), a - x, b - y, 0.0, 0.0
 
 
 def curve_at(par, p0, u, z, work, across):  # type: ignore[no-untyped-def]
@@ -119,12 +172,12 @@ def tangent_row(par, z, vx, vy, work, across, out):  # type: ignore[no-untyped-d
         slope_derivative_along(par, z, vx, vy, work, out, 0)
 
 
-def foot_point(par, p0, u, x, y, z, work, across):  # type: ignore[no-untyped-def]
-    """Return z of the foot point of (x, y) on a curve, by Newton's method from z; work is filled at the last trial."""
+def foot_point(par, p0, u, x, y, z):  # type: ignore[no-untyped-def]
+    """Return z of the foot point of (x, y) on a curve, by Newton's method from z."""
     last = 1.0
     for _ in range(_TRIES):
-        tx, ty, kx, ky = curve_at(par, p0, u, z, work, across)
-        rx, ry = x - work[RHO], y - work[RHO + 1]
+        x0, y0, tx, ty, kx, ky = trace_at(par, p0, u, z)
+        rx, ry = x - x0, y - y0
         T = tx * tx + ty * ty
         step = (rx * tx + ry * ty) / max(T - rx * kx - ry * ky, 0.1 * T)
         # converged: to the last digit, within round-off, or at the limit of the curve
@@ -148,7 +201,7 @@ def gap_between(par, p0, u, mem, own, work, across):  # type: ignore[no-untyped-
         return np.nan, 0.0, 0.0, 0.0
     z = mem[FOOT]
     if mem[FOOT_KIND] == WITHIN:
-        z = foot_point(other, p0[m:], u[m:], x, y, z, work, across)
+        z = foot_point(other, p0[m:], u[m:], x, y, z)
         tx, ty, _, _ = curve_at(other, p0[m:], u[m:], z, work, across)
         size = sign / np.sqrt(tx * tx + ty * ty)
         nx, ny = -ty * size, tx * size

@@ -333,7 +333,7 @@ def with_fibres(base: Formulation, layers: int, points: int, numbers: int) -> Fo
     law, fibres = base.law, layers * points
     own = StrainLaw(law.fields, law.strains, law.references + 5 + 3 * fibres + numbers, law.strain, law.geometric,
                    quadratic=law.quadratic, state=2 * law.strains + 2 * fibres + 3, internal=internal,
-                   extra_energy=extra_energy, excess_work=_excess_work)
+                   inelastic=(0, 1 if law.strains == 2 else 2), extra_energy=extra_energy, excess_work=_excess_work)
     return replace(base, law=own, sample=_Sample(base, points), natural=_FibreNaturalStrains(base))
 
 

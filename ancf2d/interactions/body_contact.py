@@ -395,4 +395,4 @@ def facing_table(patches: Sequence[Any]) -> Facing:
                   whole(np.cumsum([0, *trees])), np.array([c.constants for c in curves]).reshape(-1, facing.CURVE_SIZE),
                   whole([(len(c.p0), len(c.dofs)) for c in curves], (2,)), whole(before, (3,)),
                   joined([c.dofs for c in curves], np.int64), joined([c.G for c in curves]), p0, np.zeros_like(p0),
-                  np.zeros((sum(trees), 4)))
+                  np.zeros((len(curves), 5)), np.zeros((sum(trees), 4)))

@@ -6,55 +6,57 @@ import math
 
 import numpy as np
 
-from ..elements import contact_derivatives, contact_gaps, contact_geometry
+from ..elements import contact_gaps
 from ..elements.contact_gaps import BOTH_SIDES, DEEPEST, FOOT_KIND, SIDE, WITHIN
-from ..elements.contact_geometry import HOME, OPPOSITE, PLACE, PLACEMENT, RHO, WORK
+from ..elements.contact_geometry import HOME, OFFSET, OPPOSITE, PLACE, PLACEMENT, WORK
+from .chords import fill_curves
 from .compiled_laws import part
-from .facing import face, fill_curves
+from .facing import face
 from .lowlevel.arrays import copy, vector
 from .lowlevel.jit import inner, kernel_with_memory, seldom
-from .points import fields_of_item
+from .points import fields_of_first, fields_of_item, is_inactive
 
 # fractions of the largest penetration allowed: largest motion between two samples, and penetration that counts as 0
 PART, SAME = 0.2, 1e-6
 
-_curve_at, _gap_between, _field_count, _position_at = (part(f) for f in (
-    contact_gaps.curve_at, contact_gaps.gap_between, contact_derivatives.field_count, contact_geometry.position_at))
+_line_at, _gap_between = part(contact_gaps.line_at), part(contact_gaps.gap_between)
 
 
 @inner
 def _positions(table, points, d, out):  # type: ignore[no-untyped-def]
     """Fill out (k + 2 curves, 2) with the positions of the points, then of both ends of the curves, at d (n_full,)."""
-    fill_curves(table, d)
-    u, none, work, across, n = vector(200), vector(200), vector(WORK), vector(WORK), len(table.item)
-    par_of = vector(table.curve.shape[1])
+    u, none, n = vector(200), vector(200), len(table.item)
+    fill_curves(table, d, none)
     for k in range(n):
         i = table.item[k]
-        par, mem, b = points.par[i], points.mem[i], points.field[i]
+        par, mem = points.par[i], points.mem[i]
+        fields_of_first(points, i, table.own[k, 1], d, u)
         z = mem[PLACE] if mem[PLACEMENT] > 0.0 else par[HOME]
-        fields_of_item(points, i, d, u)
-        _position_at(par, points.p0[b:b + _field_count(par)], u, z, work)
-        out[k, 0], out[k, 1] = work[RHO], work[RHO + 1]
-    for k in range(2 * len(table.curve)):
-        copy(table.curve[k // 2], par_of)
-        _curve_at(par_of, table.now[table.at[k // 2, 2]:], none, 2.0 * (k % 2) - 1.0, work, across)
-        out[n + k, 0], out[n + k, 1] = work[RHO], work[RHO + 1]
+        out[k, 0], out[k, 1], _, _, _, _ = _line_at(par, points.p0[points.field[i]:], u, z, par[OFFSET])
+    for c in range(len(table.curve)):
+        x, y, dx, dy, _ = table.chords[c]
+        out[n + 2 * c, 0], out[n + 2 * c, 1] = x - dx, y - dy
+        out[n + 2 * c + 1, 0], out[n + 2 * c + 1, 1] = x + dx, y + dy
 
 
 @inner
-def _find_gaps(table, points, d, gaps, side):  # type: ignore[no-untyped-def]
-    """Fill the gaps (k,) of points at d (n_full,), inf for points that face nothing; return the smallest gap.
+def _find_gaps(table, points, d, within, gaps, side):  # type: ignore[no-untyped-def]
+    """Fill the gaps (k,) of points at d (n_full,), inf for points that face nothing ``within`` a distance; return the
+    smallest one.
 
     ``side`` (k,) : side of an axis that each point is on, found here where it is 0.
     """
     near = np.inf
     for k in range(len(table.item)):
         points.mem[table.item[k], SIDE] = side[k]
-    face(table, points, d, False)
+    face(table, points, d, within)
     u, own, work, across = vector(200), vector(WORK), vector(WORK), vector(WORK)
     for k in range(len(table.item)):
         i = table.item[k]
         mem, b, e = points.mem[i], points.field[i], points.field[i + 1]
+        gaps[k] = np.inf
+        if is_inactive(points, i):
+            continue
         fields_of_item(points, i, d, u)
         both = points.par[i, OPPOSITE + BOTH_SIDES] > 0.0
         if both and mem[FOOT_KIND] == WITHIN and side[k] == 0.0:
@@ -72,7 +74,8 @@ def _find_gaps(table, points, d, gaps, side):  # type: ignore[no-untyped-def]
 def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
     """Return whether a point passes through a body along the straight path from d0 (n_full,) to d1, apart at both.
 
-    Between samples of the path no point moves further than the smallest gap, or a fraction of the body's height.
+    Between samples of the path no point moves further than the smallest gap, or a fraction of the body's height. No
+    point comes nearer to a curve than their distance less ``way``, so distant ones are not searched.
     """
     n = len(table.item)
     one, two = np.zeros((n + 2 * len(table.curve), 2)), np.zeros((n + 2 * len(table.curve), 2))
@@ -93,16 +96,16 @@ def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
     d = np.zeros(len(d0))
     for k in range(n):
         side[k] = kept[k] = points.mem[table.item[k], SIDE]
-    _find_gaps(table, points, d1, last, side)
+    _find_gaps(table, points, d1, way, last, side)
     copy(kept, side)
-    s, through, near = 0.0, False, _find_gaps(table, points, d0, first, side)
+    s, through, near = 0.0, False, _find_gaps(table, points, d0, way, first, side)
     while not through:
         s += max(near, PART * thin) / way
         if s >= 1.0:
             break
         for k in range(len(d)):
             d[k] = d0[k] + s * (d1[k] - d0[k])
-        near = _find_gaps(table, points, d, gaps, side)
+        near = _find_gaps(table, points, d, way, gaps, side)
         for k in range(n):
             through |= first[k] > -SAME * thin and last[k] > 0.0 and gaps[k] < -PART * thin
     for k in range(n):

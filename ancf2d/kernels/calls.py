@@ -94,7 +94,7 @@ point_rates, sliding_rates = (_call(_nothing, None, _x, _x, _xx, _x, _x) for _ i
 point_accept, sliding_accept = _call(_nothing, None, _x, _xx), _call(_nothing, None, _x)
 mark_closed_points = _call(_nothing, None, _x, _x, _xx, _x)
 # contact points that touch bodies: (table, point laws, d, whether only points close enough to have a force matter)
-face = _call(_nothing, None, None, _x, _b)
+face = _call(_nothing, None, None, _x, _f)
 bodies_cross = _call(_b, None, None, _x, _x)
 point_mean, sliding_mean = _call(_pair, None, _x, _x, _x, _xx, _xx, _x), _call(_nothing, None, _x, _x, _x, _x)
 # matrices: kernels.matrices.symmetric

@@ -131,10 +131,10 @@ def _operations_of(law: StrainLaw) -> Any:
             _matrix_matrix(D, JE, DJ, NS, NS, NU, lanes)
         elif what == J_D_J:
             _transposed_matrix(J, DJ, H, NS, NU, NU, lanes)
-        elif what in (SUBTRACT_INTERNAL, ELASTIC_JACOBIAN):
+        elif what == SUBTRACT_INTERNAL:
             # ``evaluate_internal`` has filled state and slope
-            if what == SUBTRACT_INTERNAL:
-                _subtract(eps, rows(work, base + at.new, NI), NI, lanes)
+            _subtract(eps, rows(work, base + at.new, NI), NI, lanes)
+        elif what == ELASTIC_JACOBIAN:
             _matrix_matrix(slope, J, JE, NI, NI, NU, lanes)
             _subtract_from(J, JE, NI, NU, lanes)
         else:

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from ..elements import contact_derivatives, contact_gaps, contact_geometry
+from ..elements import contact_derivatives, contact_gaps
 from ..elements.contact_gaps import (
     AT_FIRST,
     AT_LAST,
@@ -21,9 +21,6 @@ from ..elements.contact_gaps import (
     CORNER,
     CURVE_SIZE,
     DEEPEST,
-    END,
-    END_HALF,
-    END_MIDDLE,
     FOOT,
     FOOT_KIND,
     JOINED,
@@ -32,6 +29,7 @@ from ..elements.contact_gaps import (
     ONWARD,
     OPPOSITE_INTERVALS,
     OWN_LOOP,
+    PAST_END,
     POINT_S,
     POINT_SPAN,
     SIDE,
@@ -43,7 +41,6 @@ from ..elements.contact_gaps import (
     WITHIN,
 )
 from ..elements.contact_geometry import (
-    AT_1,
     AUGMENTATION,
     CLOSED,
     FACE,
@@ -55,12 +52,11 @@ from ..elements.contact_geometry import (
     OPPOSITE,
     PLACE,
     PLACEMENT,
-    RHO,
     STATUS,
-    TERMS,
     TOUCH,
     WORK,
 )
+from .chords import distance_from_box, fill_curves, nearest_on_chord
 from .compiled_laws import part
 from .lowlevel.arrays import copy, numbers, vector
 from .lowlevel.jit import inner, kernel, seldom
@@ -68,61 +64,45 @@ from .points import fields_of_first, fields_of_item, weights_of_item
 
 # largest cosine between outward normals of faces that may touch; between those of a corner and of a surface
 FACE_COSINE, CORNER_COSINE = -0.3, 0.5
-# |z| beyond this is off the end of an element, so that a point between two elements is within both; equal positions
-PAST_END, SAME = 1.0 + 1e-6, 1e-6
+# equal positions
+SAME = 1e-6
+# instead of a distance, for ``face``: that at which each point may have a force; the same, but any distance for points
+# of an axis, which remember their side
+IN_RANGE, IN_RANGE_OR_BESIDE = 0.0, -1.0
 # samples of an interval between contact points, and golden sections around the deepest one
 SAMPLES, SECTIONS, GOLDEN = 9, 40, 0.6180339887498949
 # most nodes of the tree that wait during a descent: two for each level
 _DEEP = 128
 
-_is_past_end, _curve_at, _foot_point, _gap_between, _place_opposite, _field_count = (part(f) for f in (
-    contact_gaps.is_past_end, contact_gaps.curve_at, contact_gaps.foot_point, contact_gaps.gap_between,
-    contact_gaps.place_opposite, contact_derivatives.field_count))
-_curve_derivative, _position_at = part(contact_geometry.curve_derivative), part(contact_geometry.position_at)
+_is_past_end, _line_at, _trace_at, _foot_point, _gap_between, _place_opposite, _field_count = (part(f) for f in (
+    contact_gaps.is_past_end, contact_gaps.line_at, contact_gaps.trace_at, contact_gaps.foot_point,
+    contact_gaps.gap_between, contact_gaps.place_opposite, contact_derivatives.field_count))
 
 
 @inner
-def fill_curves(table, d):  # type: ignore[no-untyped-def]
-    """Fill the fields of all curves at d (n_full,), and the boxes around them."""
-    for c in range(len(table.curve)):
-        m, n = table.sizes[c, 0], table.sizes[c, 1]
-        dof, entry, field = table.at[c, 0], table.at[c, 1], table.at[c, 2]
-        for k in range(m):
-            s = table.p0[field + k]
-            for q in range(n):
-                s += table.G[entry + k * n + q] * d[table.dofs[dof + q]]
-            table.now[field + k] = s
-    for way in range(len(table.tree) - 1):
-        first, n, root = table.first[way], table.first[way + 1] - table.first[way], table.tree[way]
-        for k in range(n):
-            c = first + k
-            _box(table.curve[c], table.now[table.at[c, 2]:], table.boxes[root + n - 1 + k])
-        for k in range(n - 2, -1, -1):
-            one, two = table.boxes[root + 2 * k + 1], table.boxes[root + 2 * k + 2]
-            for j in range(2):
-                table.boxes[root + k, j] = min(one[j], two[j])
-                table.boxes[root + k, 2 + j] = max(one[2 + j], two[2 + j])
+def _can_touch(par, point, curve, chord, tx, ty):  # type: ignore[no-untyped-def]
+    """Return whether a point may touch any place of a curve, by its position and chord; tangent etc. as in ``_faces``.
+    """
+    first, last = curve[START] - point[POINT_S], curve[START] + curve[SPAN] - point[POINT_S]
+    if max(abs(first), abs(last)) < point[LEAST_DISTANCE] or (point[ONWARD] > 0.0 and last <= 0.0):
+        return False
+    size = max(math.sqrt(chord[2] * chord[2] + chord[3] * chord[3]), 1e-300)
+    # r' differs from the chord by at most twice the distance, and so the normal by a little more
+    off = 3.0 * chord[4] / size if 2.0 * chord[4] < size else 2.0
+    return _faces(par, point, -curve[SIGN] * chord[3] / size, curve[SIGN] * chord[2] / size, tx, ty, off)
 
 
 @inner
-def _box(par, fields, box):  # type: ignore[no-untyped-def]
-    """Set box to bounds (low x, low y, high x, high y) of a curve, from the sizes of its coefficients, as |z| <= 1."""
-    terms = int(par[TERMS])
-    for c in range(2):
-        middle, half = fields[c * terms], abs(par[OFFSET])
-        if par[END] != 0.0:
-            # the straight end of a body
-            half = abs(par[END_MIDDLE]) + abs(par[END_HALF])
-        for j in range(1, terms):
-            half += abs(fields[c * terms + j])
-        box[c], box[2 + c] = middle - half, middle + half
-
-
-@inner
-def _distance_squared(box, x, y):  # type: ignore[no-untyped-def]
-    """Return the squared distance of (x, y) from a box."""
-    dx, dy = max(box[0] - x, 0.0, x - box[2]), max(box[1] - y, 0.0, y - box[3])
-    return dx * dx + dy * dy
+def _faces(par, other, nx, ny, tx, ty, off):  # type: ignore[no-untyped-def]
+    """Return whether a point on a body with tangent (tx, ty) faces a surface with a normal within ``off`` of (nx, ny).
+    """
+    if other[BOTH_SIDES] > 0.0:
+        return True
+    size = math.sqrt(tx * tx + ty * ty)
+    face, end = par[FACE] * (tx * ny - ty * nx) / size - off, other[CORNER] * (tx * nx + ty * ny) / size - off
+    if par[FACE] != 0.0 and other[CORNER] != 0.0:
+        return face < CORNER_COSINE and end < CORNER_COSINE
+    return (face if par[FACE] != 0.0 else end) < FACE_COSINE
 
 
 @inner
@@ -133,28 +113,18 @@ def _may_touch(par, other, s, nx, ny, tx, ty):  # type: ignore[no-untyped-def]
         away = min(away, other[OWN_LOOP] - away)
     if away < other[LEAST_DISTANCE] or (other[ONWARD] > 0.0 and s <= other[POINT_S]):
         return False
-    if other[BOTH_SIDES] > 0.0:
-        return True
-    size = math.sqrt(tx * tx + ty * ty)
-    face, end = par[FACE] * (tx * ny - ty * nx) / size, other[CORNER] * (tx * nx + ty * ny) / size
-    if par[FACE] != 0.0 and other[CORNER] != 0.0:
-        return face < CORNER_COSINE and end < CORNER_COSINE
-    return (face if par[FACE] != 0.0 else end) < FACE_COSINE
+    return _faces(par, other, nx, ny, tx, ty, 0.0)
 
 
 @inner
-def _try_curve(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: ignore[no-untyped-def]
+def _try_curve(par, other, fields, none, x, y, tx, ty, z, best):  # type: ignore[no-untyped-def]
     """Replace ``best`` by the foot point on a curve if it is nearer and may touch; return whether it was replaced.
+
+    z : where Newton's method starts.
 
     best : (distance squared, z, kind of foot point, side of the point, whether the point is closed).
     """
-    cx, cy = 0.0, 0.0
-    terms = int(other[TERMS])
-    z = 0.0
-    if other[END] == 0.0 and terms > 1:
-        cx, cy = fields[1], fields[terms + 1]
-        z = ((x - fields[0]) * cx + (y - fields[terms]) * cy) / max(cx * cx + cy * cy, 1e-300)
-    z = _foot_point(other, fields, none, x, y, min(max(z, -1.0), 1.0), work, across)
+    z = _foot_point(other, fields, none, x, y, z)
     found = WITHIN
     if z < -PAST_END:
         z, found = -1.0, AT_FIRST
@@ -166,8 +136,8 @@ def _try_curve(par, other, fields, none, x, y, tx, ty, best, work, across):  # t
         place = 0.5 * (z + 1.0) * (other[OPPOSITE_INTERVALS] if other[SPAN] > 0.0 else 1.0)
         if abs(place - round(place)) < SAME:
             return False
-    bx, by, _, _ = _curve_at(other, fields, none, z, work, across)
-    rx, ry = x - work[RHO], y - work[RHO + 1]
+    cx, cy, bx, by, _, _ = _trace_at(other, fields, none, z)
+    rx, ry = x - cx, y - cy
     D, size = rx * rx + ry * ry, math.sqrt(bx * bx + by * by)
     if best[0] <= D:
         return False
@@ -189,7 +159,7 @@ def _try_curve(par, other, fields, none, x, y, tx, ty, best, work, across):  # t
 
 
 @inner
-def _nearest(table, way, par, x, y, tx, ty, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
+def _nearest(table, way, par, x, y, tx, ty, best, room, none, waiting):  # type: ignore[no-untyped-def]
     """Return the curve that a contact point faces, or -1 if there is none; fill ``best`` (``_try``).
 
     Only curves nearer than the initial squared distance in ``best`` are found.
@@ -200,18 +170,21 @@ def _nearest(table, way, par, x, y, tx, ty, best, room, none, own, across, waiti
     while count > 0:
         count -= 1
         k = waiting[count]
-        if _distance_squared(table.boxes[root + k], x, y) >= best[0]:
+        if distance_from_box(table.boxes[root + k], x, y) >= best[0]:
             continue
         if k >= n - 1:
             c = first + k - (n - 1)
+            z, least = nearest_on_chord(table.chords[c], x, y)
+            if least * least >= best[0] or not _can_touch(par, room, table.curve[c], table.chords[c], tx, ty):
+                continue
             copy(table.curve[c], room[:CURVE_SIZE])
             if room[BOTH_SIDES] > 0.0:
                 room[SIGN] = best[3]
-            if _try_curve(par, room, table.now[table.at[c, 2]:], none, x, y, tx, ty, best, own, across):
+            if _try_curve(par, room, table.now[table.at[c, 2]:], none, x, y, tx, ty, z, best):
                 found = c
             continue
         one, two = 2 * k + 1, 2 * k + 2
-        if _distance_squared(table.boxes[root + one], x, y) < _distance_squared(table.boxes[root + two], x, y):
+        if distance_from_box(table.boxes[root + one], x, y) < distance_from_box(table.boxes[root + two], x, y):
             one, two = two, one
         # the nearer one is visited first
         waiting[count], waiting[count + 1] = one, two
@@ -226,30 +199,26 @@ def _is_supported(fixed, z):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _find_curve(table, points, k, u, z, within, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
+def _find_curve(table, points, k, u, z, within, best, room, none, waiting):  # type: ignore[no-untyped-def]
     """Find the curve that point k faces from position z of its element, whose fields are in u, and store it.
 
     If nothing is ``within`` this distance, the point is marked as far from all.
     """
     i = table.item[k]
-    points.apart[i] = 0.0
-    par, mem, b, m = points.par[i], points.mem[i], points.field[i], _field_count(points.par[i])
-    _position_at(par, points.p0[b:b + m], u, z, own)
-    x, y = own[RHO], own[RHO + 1]
-    if _distance_squared(table.boxes[table.tree[table.way[k]]], x, y) >= within * within:
-        points.apart[i] = np.inf
+    par, mem = points.par[i], points.mem[i]
+    points.apart[i], mem[FOOT_KIND] = np.inf, NOWHERE
+    x, y, tx, ty, _, _ = _line_at(par, points.p0[points.field[i]:], u, z, par[OFFSET])
+    if distance_from_box(table.boxes[table.tree[table.way[k]]], x, y) >= within * within:
         return
-    tx, ty = _curve_derivative(par, own, AT_1, 1)
     for q in range(len(room)):
         room[q] = par[OPPOSITE + q] if CURVE_SIZE <= q < BODY_SIZE else 0.0
     # arc length of the point itself on its body
     room[POINT_S] += 0.5 * (z - par[HOME]) * room[POINT_SPAN]
     best[0], best[3], best[4] = within * within, mem[SIDE], mem[STATUS]
-    c = _nearest(table, table.way[k], par, x, y, tx, ty, best, room, none, own, across, waiting)
+    c = _nearest(table, table.way[k], par, x, y, tx, ty, best, room, none, waiting)
     if c < 0 and within < np.inf:
-        points.apart[i] = np.inf
         return
-    mem[FOOT], mem[FOOT_KIND] = best[1], best[2]
+    points.apart[i], mem[FOOT], mem[FOOT_KIND] = 0.0, best[1], best[2]
     if c >= 0 and par[OPPOSITE + SUPPORTED_POINT] != 0.0 and _is_supported(table.curve[c, SUPPORTED_PART], best[1]):
         # supports determine the gap, so no contact force can
         mem[FOOT_KIND] = NOWHERE
@@ -269,23 +238,26 @@ def _force_range(points, i, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def face(table, points, d, near):  # type: ignore[no-untyped-def]
+def face(table, points, d, within):  # type: ignore[no-untyped-def]
     """Find the element that every contact point between bodies faces at d (n_full,), and store it in the point laws.
 
-    ``near`` : only for points close enough to have a force; others are marked as far from all and keep their element.
+    ``within`` : distance [m] of the elements that are found, at least the largest penetration allowed, or ``IN_RANGE``,
+    or ``IN_RANGE_OR_BESIDE``. Points far from all are marked as such and face nothing.
     """
     if len(table.item) == 0:
         return
-    fill_curves(table, d)
-    u, none, best = vector(200), vector(200), vector(5)
-    own, across, room = vector(WORK), vector(WORK), vector(points.par.shape[1])
+    u, none, best, room = vector(200), vector(200), vector(5), vector(points.par.shape[1])
+    fill_curves(table, d, none)
     waiting = numbers(table.item, _DEEP)
     for k in range(len(table.item)):
         i = table.item[k]
         fields_of_first(points, i, table.own[k, 1], d, u)
         z = points.mem[i, PLACE] if points.mem[i, PLACEMENT] > 0.0 else points.par[i, HOME]
-        within = _force_range(points, i, d) if near else np.inf
-        _find_curve(table, points, k, u, z, within, best, room, none, own, across, waiting)
+        reach = max(within, points.par[i, OPPOSITE + DEEPEST])
+        if within <= IN_RANGE:
+            beside = within == IN_RANGE_OR_BESIDE and points.par[i, OPPOSITE + BOTH_SIDES] > 0.0
+            reach = np.inf if beside else _force_range(points, i, d)
+        _find_curve(table, points, k, u, z, reach, best, room, none, waiting)
 
 
 @kernel
@@ -314,7 +286,7 @@ def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, wa
     i = table.item[k]
     points.mem[i, PLACE] = z
     fields_of_item(points, i, d, u)
-    _find_curve(table, points, k, u, z, np.inf, best, room, none, own, across, waiting)
+    _find_curve(table, points, k, u, z, np.inf, best, room, none, waiting)
     if _is_past_end(points.par[i, OPPOSITE + JOINED], points.mem[i, FOOT_KIND]):
         return np.inf
     fields_of_item(points, i, d, u)

@@ -18,6 +18,7 @@ from .batch import (
     begin,
     combine,
     combine_rows,
+    copy_rows,
     each_point,
     from_lanes,
     layout,
@@ -112,18 +113,28 @@ def is_prescribed(group):  # type: ignore[no-untyped-def]
 
 
 @inner
+def remembering(group, part):  # type: ignore[no-untyped-def]
+    """Return how many stations of a part, its first ones, have internal strains; others have no stiffness for these."""
+    S, states = group.law.B.shape[2], group.memory.states
+    return min(max(states.shape[1] - part * S, 0), S) if len(states) > 0 else S
+
+
+@inner
 def load_states(group, part, first, count):  # type: ignore[no-untyped-def]
     """Fill slot ``old`` with the accepted states of the elements of a batch."""
     law, work, memory = group.law, group.plan.work, group.memory
     at, slot = layout(law)
-    S = law.B.shape[2]
-    for i in range(memory.states.shape[2]):
-        k = row_of(i, law.state, at, slot.old)
-        target = row(work, k)
-        for s in range(S):
-            for m in range(count):
-                target[s * count + m] = memory.states[memory.row[first + m], part * S + s, i]
-        pad(work, k, 1, S * count)
+    S, kept = law.B.shape[2], remembering(group, part) if len(memory.states) > 0 else 0
+    for m in range(count):
+        for s in range(kept):
+            source = memory.states[memory.row[first + m], part * S + s]
+            for p in range(points_of(law)):
+                lane, k = (p * at.rows + slot.old) * STRIDE + s * count + m, p * law.state
+                target = array_at(work, lane, (law.state, STRIDE))
+                for i in range(law.state):
+                    target[i, 0] = source[k + i]
+    for p in range(points_of(law)):
+        pad(work, p * at.rows + slot.old, law.state, kept * count)
 
 
 @inner
@@ -174,12 +185,12 @@ def accept_states(group, part, first, count):  # type: ignore[no-untyped-def]
     """Accept the new states of a batch; return the work of the stresses on the change of internal strains."""
     law, work, memory = group.law, group.plan.work, group.memory
     at, slot = layout(law)
-    S, lost = law.B.shape[2], 0.0
+    kept, lost = remembering(group, part), 0.0
     for i in range(memory.states.shape[2]):
         new, old = row(work, row_of(i, law.state, at, slot.new)), row(work, row_of(i, law.state, at, slot.old))
         if i % law.state < law.strains:
             sigma = row(work, (i // law.state) * at.rows + slot.sigma + i % law.state)
-            for l in range(S * count):
+            for l in range(kept * count):
                 lost += sigma[l] * (new[l] - old[l])
     store_states(group, memory.states, part, first, count)
     return lost
@@ -191,11 +202,14 @@ def store_states(group, states, part, first, count):  # type: ignore[no-untyped-
     law, work, memory = group.law, group.plan.work, group.memory
     at, slot = layout(law)
     S = law.B.shape[2]
-    for i in range(states.shape[2]):
-        new = row(work, row_of(i, law.state, at, slot.new))
-        for s in range(S):
-            for m in range(count):
-                states[memory.row[first + m], part * S + s, i] = new[s * count + m]
+    for m in range(count if len(states) > 0 else 0):
+        for s in range(remembering(group, part)):
+            target = states[memory.row[first + m], part * S + s]
+            for p in range(points_of(law)):
+                lane, k = (p * at.rows + slot.new) * STRIDE + s * count + m, p * law.state
+                source = array_at(work, lane, (law.state, STRIDE))
+                for i in range(law.state):
+                    target[k + i] = source[i, 0]
 
 
 @inner
@@ -209,21 +223,23 @@ def memory_step(group, what, part, first, count):  # type: ignore[no-untyped-def
     if what == _TRIAL:
         store_states(group, group.memory.trial, part, first, count)
         return 0.0
-    prescribed = is_prescribed(group)
+    law, prescribed, lanes = group.law, is_prescribed(group), vectors_of(remembering(group, part) * count)
+    at, slot = layout(law)
     if what == SUBTRACT_INTERNAL and prescribed:
         load_prescribed(group, part, first, count)
         return 0.0
-    if what == ELASTIC_JACOBIAN and not prescribed:
-        # SUBTRACT_INTERNAL has filled state and slope, and JE
-        return 0.0
+    # without prescribed ones, SUBTRACT_INTERNAL fills state and slope for the steps that follow
     if prescribed:
-        load_slopes(group, vectors_of(group.law.B.shape[2] * count))
+        load_slopes(group, lanes)
     elif what == SUBTRACT_INTERNAL:
         load_states(group, part, first, count)
-        at, slot = layout(group.law)
-        for p in range(points_of(group.law)):
-            evaluate_internal(group.law, slot, group.plan.work, p * at.rows, vectors_of(group.law.B.shape[2] * count))
-    each_point(group, what, vectors_of(group.law.B.shape[2] * count))
+        for p in range(points_of(law)):
+            evaluate_internal(law, slot, group.plan.work, p * at.rows, lanes)
+    elif what == ELASTIC_JACOBIAN:
+        for p in range(points_of(law)):
+            copy_rows(group.plan.work, (p * at.rows + slot.J) * STRIDE, STRIDE, (p * at.rows + slot.JE) * STRIDE,
+                      STRIDE, law.strains * law.fields, vectors_of(law.B.shape[2] * count))
+    each_point(group, what, lanes)
     return 0.0
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from . import calls
 from .body_passages import bodies_cross
 from .curves import add_skew, point_accept, point_forces, point_tangent
-from .facing import face
+from .facing import IN_RANGE, IN_RANGE_OR_BESIDE, face
 from .lowlevel.arrays import array
 from .lowlevel.jit import addressed, inner, kernel, named, seldom
 from .matrices.symmetric import in_band, in_fronts, places_in
@@ -87,7 +87,7 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
 def face_bodies(p, d):  # type: ignore[no-untyped-def]
     """Update which elements the contact points face at d (n_full,), for points close enough to have a force."""
     if len(p.facing.item) > 0:
-        calls.face(p.calls, (p.facing, p.points, d, True))
+        calls.face(p.calls, (p.facing, p.points, d, IN_RANGE))
 
 
 @inner
@@ -208,8 +208,7 @@ def accept_patches(p, d, amps):  # type: ignore[no-untyped-def]
     """Update the history variables of point laws and joints at the accepted state d."""
     if len(p.points.mem) > 0:
         if len(p.facing.item) > 0:
-            # distant points too: laws store on which side of an axis they are
-            calls.face(p.calls, (p.facing, p.points, d, False))
+            calls.face(p.calls, (p.facing, p.points, d, IN_RANGE_OR_BESIDE))
         calls.point_accept(p.calls, (p.points, d, amps))
     if len(p.sliding.multiplier) > 0:
         calls.sliding_accept(p.calls, (p.sliding, d))

@@ -49,11 +49,11 @@ COMPUTED = 1.0
 class Memory(NamedTuple):
     """History variables of laws with memory.
 
-    states : (rows, stations of all parts, numbers of all points) last accepted state, possibly shared by groups; row :
-    (ne,) row of each element; trial : like states, of the last evaluation of forces, or empty. slope (1,) : slope of
-    prescribed internal strains, which replace those of the law, or COMPUTED; prescribed, change (rows, stations of all
-    parts, strains of all points) : prescribed internal strains, and the change of internal strains whose work is asked
-    for. All are empty if the law has no memory.
+    states : (rows, stations, numbers of all points) last accepted state, possibly shared by groups, of the stations of
+    all parts up to the last that has internal strains; row : (ne,) row of each element; trial : like states, of the
+    last evaluation of forces, or empty. slope (1,) : slope of prescribed internal strains, which replace those of the
+    law, or COMPUTED; prescribed, change (rows, stations of all parts, strains of all points) : prescribed internal
+    strains, and the change of internal strains whose work is asked for. All are empty if the law has no memory.
     """
 
     row: Any

@@ -53,14 +53,16 @@ class Pool:
     def along_axis(self, fields: tuple[tuple[int, int], ...]) -> Array:
         """Return the rows (classes, fields x stations, n_dof) that map coordinates to fields at ``STATIONS``.
 
-        A field is a pair: which of the three matrices in ``axis_rows``, and the component.
+        They are those of one class (1, ...) if all are equal. A field is a pair: which of the three matrices in
+        ``axis_rows``, and the component.
         """
         if fields not in self._along:
             nc, stations = self.plan.element.components, len(STATIONS)
             rows = np.zeros((len(self.axis_rows), len(fields) * stations, self.dofs.shape[1]))
             for k, (which, component) in enumerate(fields):
                 rows[:, k * stations:(k + 1) * stations, component::nc] = [of[which] for of in self.axis_rows]
-            self._along[fields] = rows
+            # classes may differ in their sections alone, or in where fibres are sampled
+            self._along[fields] = rows[:1] if np.all(rows == rows[:1]) else rows
         return self._along[fields]
 
     @cached_property

@@ -302,8 +302,8 @@ class ContactTable:
 class BodyTable(ContactTable):
     """The points of a contact of a body with another body or with itself."""
 
-    # whether to search the opposite element only for points that can have a force
-    near = False
+    # at which distance the opposite element is searched (``kernels.facing.face``)
+    within = np.inf
 
     def __init__(self, constraints: Iterable[Any], pair: Any) -> None:
         super().__init__(constraints, pair)
@@ -313,7 +313,7 @@ class BodyTable(ContactTable):
         """Find the element opposite to each point at d (n_full,), and use its coordinates."""
         from ..kernels.facing import face
 
-        face(self.facing, self.table, d, self.near)
+        face(self.facing, self.table, d, self.within)
 
     def keep_sides(self, d: Array, t: float) -> None:
         """Store, for points with a law, the side of an axis that they are on in the accepted state d (n_full,) at t."""

@@ -347,8 +347,8 @@ def _cut(piece: Piece, places: list[float]) -> list[Piece]:
                                                         pairwise(ends), strict=True)]
 
 
-def peaks(pieces: Sequence[Piece], acting: Sequence[float]) -> list[int]:
-    """Return for each element -1 or 1 if the moment may peak only at its start or only at its end, else 0.
+def peak_nodes(pieces: Sequence[Piece], acting: Sequence[float]) -> Array:
+    """Return for each end of an element (count + 1,) whether the moment may peak there.
 
     Moments may peak at the ends of a body, at nodes that its pieces do not share, and where something acts at a node.
     """
@@ -360,4 +360,9 @@ def peaks(pieces: Sequence[Piece], acting: Sequence[float]) -> list[int]:
     there[0] = True
     for s in acting:
         there |= np.abs(at - s * length) <= TOGETHER * length
-    return [int(end) - int(start) for start, end in pairwise(there)]
+    return there
+
+
+def peaks(pieces: Sequence[Piece], acting: Sequence[float]) -> list[int]:
+    """Return for each element -1 or 1 if the moment may peak only at its start or only at its end, else 0."""
+    return [int(end) - int(start) for start, end in pairwise(peak_nodes(pieces, acting))]

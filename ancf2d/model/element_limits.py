@@ -42,11 +42,15 @@ def thickness_excess(mesh: BodyMesh) -> float:
         return 0.0
     section = plan.section
     if any(getattr(section, name) for name in NO_CONSTANTS):
-        shape = mesh.classes[0].shape
-    else:
-        shape, unit = shape_functions(plan.element, 1.0, 1.0, section.nu), section.mu_k / section.E
-        section = Section(1.0, 1.0, 1.0, section.nu, section.k_s, EA=1.0, kGA=unit, EI=1.0 / 12.0)
-    return _excess(shape, plan.formulation, plan.rule, section)
+        return _excess(mesh.classes[0].shape, plan.formulation, plan.rule, section)
+    unit = shape_functions(plan.element, 1.0, 1.0, section.nu)
+    return _unit_excess(unit, plan.formulation, plan.rule, section.nu, section.k_s, section.mu_k / section.E)
+
+
+@lru_cache
+def _unit_excess(shape: ShapeFunctions, formulation: Formulation, rule: Rule, nu: float, k_s: float, G: float) -> float:
+    """Return the result of ``thickness_excess`` for unit height, width and E, and the shear stiffness G."""
+    return _excess(shape, formulation, rule, Section(1.0, 1.0, 1.0, nu, k_s, EA=1.0, kGA=G, EI=1.0 / 12.0))
 
 
 @lru_cache

@@ -163,6 +163,10 @@ def _memory(law: Law, point: StrainLaw, parts: int, elements: int) -> Memory:
     if not law.state or point.elastic:
         return no_memory()
     stations, points = parts * law.B.shape[2], law.B.shape[1] // law.fields
+    if point.inelastic:
+        # stations come last that only bear shear, or the stretch of sections
+        bears = np.any(law.D[:, list(point.inelastic)] != 0.0, axis=(1, 2)).reshape(-1, stations).any(axis=0)
+        stations = 1 + int(np.flatnonzero(bears)[-1])
     states = np.zeros((elements, stations, points * law.state))
     if point.timed:
         states[:, :, law.state - 1::law.state] = np.inf
@@ -318,10 +322,12 @@ def _coupled(law: Law) -> Index:
 def _vectors(law: Law, nc: int) -> Index:
     """Return the pairs of fields (v, 2) that are x and y of a vector: the same functions of the x and y coordinates."""
     x, y = law.B[..., 0::nc], law.B[..., 1::nc]
+    # few pairs are equal in the first class
+    alike = (x[0][:, None] == y[0][None]).all(axis=(2, 3))
     left, found = set(range(law.B.shape[1])), []
     for i in range(law.B.shape[1]):
         point = range(i // law.fields * law.fields, (i // law.fields + 1) * law.fields)
-        same = [j for j in point if j in left and x[:, i].any() and np.array_equal(x[:, i], y[:, j])]
+        same = [j for j in point if j in left and alike[i, j] and x[:, i].any() and np.array_equal(x[:, i], y[:, j])]
         if same:
             found.append((i, same[0]))
             left -= {i, same[0]}

@@ -198,7 +198,7 @@ class Batch:
         """Update the curves of contact points, and the elements opposite to them, to d (n_full,)."""
         self.curves.write(self.table, d, False)
         if len(self.facing.item):
-            face(self.facing, self.table, d, False)
+            face(self.facing, self.table, d, np.inf)
 
     def accept(self, d: Array, t: float) -> None:
         """Update the history variables of the laws with the accepted state d (n_full,) at t."""

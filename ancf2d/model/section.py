@@ -146,7 +146,7 @@ def _check_range(section: Section) -> None:
     if np.any(section.rhoA):
         constants["rhoA"] = section.rhoA
     for name, found in constants.items():
-        for value in np.atleast_1d(found).tolist():
+        for value in (found,) if isinstance(found, float) else np.ravel(found).tolist():
             if not LEAST <= value <= MOST:
                 raise SectionError(("section",), f"the section has {name} = {value:g}, whose products exceed the range "
                                    "of floating-point numbers", f"{LEAST:g} to {MOST:g}, perhaps in other units")

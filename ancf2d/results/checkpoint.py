@@ -163,6 +163,8 @@ class CheckpointKeeper:
     checkpoint of an existing file of the same case, if any.
     """
 
+    stores = False  # states
+
     def __init__(self, path: str | os.PathLike[str], header: Mapping[str, Any], e0: np.ndarray, to_json: Any) -> None:
         self.path, self._to_json = Path(path), to_json
         self._header, self._e0 = header, e0
@@ -174,8 +176,8 @@ class CheckpointKeeper:
             except ResultsError:
                 self.path.unlink(missing_ok=True)
 
-    def append(self, *state: Any, checkpoint: Checkpoint | None = None, **more: Any) -> None:
-        """Write the checkpoint if it is due; ignore the state itself. Raises ResultsError if writing fails."""
+    def keep(self, checkpoint: Checkpoint | None) -> None:
+        """Write the checkpoint of a state, if it has one and it is due. Raises ResultsError if writing fails."""
         now = time.monotonic()
         if checkpoint is None or now < self._due:
             return
@@ -192,11 +194,6 @@ class CheckpointKeeper:
             raise ResultsError(f"cannot write '{self.path}': {error}") from error
         # writing takes at most a tenth of the time
         self._due = time.monotonic() + max(EVERY_SECONDS, 10.0 * (time.monotonic() - now))
-
-    def log(self, *values: Any, **more: Any) -> None:
-        """Do nothing: history, tables and arrays are not stored."""
-
-    table = array = log
 
     def reject_checkpoint(self, why: object) -> None:
         """Delete a checkpoint that does not fit the solver, so that the run starts from the beginning."""

@@ -162,10 +162,13 @@ def _touch(contact: dict[str, Any], units: dict[str, str]) -> str:
     """Return the contact in the last state: the force on the body named first, and its range along that body."""
     if contact["from"] is None:
         return "nothing touches at the end"
-    force, at = ", ".join(f"{f:.9g}" for f in contact["force"]), f"S = {contact['from']:.4g}"
+    at, force = f"S = {contact['from']:.4g}", "force = ({:.9g}, {:.9g})".format(*contact["force"])
+    if not any(contact["force"]) and contact.get("normal"):
+        # forces of a body on itself cancel
+        force = f"pressing force = {contact['normal']:.9g}"
     if contact["to"] > contact["from"]:
         at += f" to {contact['to']:.4g}"
-    return f"force = ({force}) {units['force']}, at {at}"
+    return f"{force} {units['force']}, at {at}"
 
 
 def _resumed(times: int) -> str:

@@ -51,7 +51,9 @@ def to_xarray(results: Any, states: bool = True) -> Dataset:
 
     Probe quantities are variables over ``t`` (load factor or time) and ``probe``; energies, nodal coordinates d and
     their rates v and a over ``state``, whose load factor or time is ``t_state``; shapes of modes over ``mode``; fields
-    ``BODY.FIELD`` over state, elements of the body and stations. Without ``states``, arrays over states are left out.
+    ``BODY.FIELD`` over state, elements of the body and stations; complex responses ``INPUT.PROBE.QUANTITY`` over
+    ``hz``; columns ``TABLE.COLUMN`` of other tables over the rows of each; A to D of a linear model over its states,
+    inputs and outputs. Without ``states``, arrays over states are left out.
     Raises ImportError if xarray is not installed.
     """
     try:
@@ -68,7 +70,7 @@ def to_xarray(results: Any, states: bool = True) -> Dataset:
         variables |= {f"energy_{name}": (("state",), values, {"units": results.energies.units[name]})
                       for name, values in results.energies.items()}
         variables |= _field_variables(results, coords)
-    variables |= _mode_variables(results)
+    variables |= _mode_variables(results) | _table_variables(results, coords) | _linear_model(results)
     about = {"title": results.title, "solver": results.solver, "status": results.status,
              "case": str(results.attrs.get("case_name", "")), "ancf2d": str(results.attrs.get("version_ancf2d", ""))}
     return xarray.Dataset(variables, coords, about)
@@ -118,6 +120,31 @@ def _mode_variables(results: Any) -> Variables:
     if "modes" in results.tables:
         out |= {f"mode_{name}": (("mode",), values, {"units": results.tables["modes"].units.get(name, "")})
                 for name, values in results.tables["modes"].items()}
-    if "modes/shapes" in results.arrays:
-        out["mode_shape"] = ("mode", "coordinate"), results.array("modes/shapes"), {}
+    for name, array in (("mode_shape", "modes/shapes"), ("mode_quarter", "modes/quarter")):
+        if array in results.arrays:
+            out[name] = ("mode", "coordinate"), results.array(array), {
+                "description": results.arrays[array].attrs["description"]}
     return out
+
+
+def _table_variables(results: Any, coords: Variables) -> Variables:
+    """Return the columns of all tables but that of modes; add the frequencies of responses to ``coords``."""
+    out: Variables = {}
+    for name, table in results.tables.items():
+        if name == "response":
+            coords["hz"] = ("hz",), table["hz"], {"units": table.units["hz"]}
+            parts = [column.removesuffix(".re") for column in table if column.endswith(".re")]
+            out |= {part: (("hz",), table[part + ".re"] + 1j * table[part + ".im"],
+                           {"units": table.units[part + ".re"]}) for part in parts}
+        elif name != "modes":
+            out |= {f"{name}.{column}": ((name,), values, {"units": table.units[column]})
+                    for column, values in table.items()}
+    return out
+
+
+def _linear_model(results: Any) -> Variables:
+    """Return A to D of a linear model; the names of states, inputs and outputs are tables."""
+    dims = {"A": ("states", "from_states"), "B": ("states", "inputs"), "C": ("outputs", "states"),
+            "D": ("outputs", "inputs")}
+    return {name: (along, results.array(f"state_space/{name}"), {}) for name, along in dims.items()
+            if f"state_space/{name}" in results.arrays}

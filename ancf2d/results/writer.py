@@ -50,6 +50,8 @@ class ResultWriter:
     earlier result is never lost. Raises ResultsError.
     """
 
+    stores = True  # states; a keeper of checkpoints does not
+
     def __init__(self, path: str | os.PathLike[str], header: Mapping[str, Any],
                  bodies: Sequence[BodyRecord], e0: np.ndarray,
                  coordinate_names: Mapping[str, Sequence[str]] | None = None, *,

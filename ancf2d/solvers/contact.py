@@ -65,8 +65,9 @@ def set_memory(model: Model, rows: Array) -> None:
 class Touch(NamedTuple):
     """Gaps and forces of one contact in a state.
 
-    ``gap`` (m,) [m], ``force`` (m, 2) on the body of the points and ``moment`` (m,) about the origin for each point,
-    ``s`` (m,) along the first body of the contact. Gaps up to ``near`` are closed.
+    ``gap`` (m,) [m], ``force`` (m, 2) on the body of the points, ``moment`` (m,) about the origin and size ``normal``
+    (m,) of the force without friction for each point, ``s`` (m,) along the first body of the contact. Gaps up to
+    ``near`` are closed.
     """
 
     pair: ContactPair
@@ -74,6 +75,7 @@ class Touch(NamedTuple):
     gap: Array
     force: Array
     moment: Array
+    normal: Array
     near: float
 
     @property
@@ -117,9 +119,11 @@ def forces_of_points(model: Model, one: ContactTable, state: State, friction: bo
 def _touch(model: Model, one: ContactTable, state: State) -> Touch:
     gap, _ = one.gaps(state.d, state.side)
     force, moment = forces_of_points(model, one, state)
+    pressing = forces_of_points(model, one, state, False)[0] if one.pair.item.friction else force
     table, _ = one.updated(state.d, state.side)
     gap[one.free & ~(table.mem[:, PLACEMENT] > 0.0)] = np.nan
-    return Touch(one.pair, one.s_on_first_body(), gap, force, moment, 2.0 * PENETRATION * model.extent)
+    return Touch(one.pair, one.s_on_first_body(), gap, force, moment, np.hypot(*pressing.T),
+                 2.0 * PENETRATION * model.extent)
 
 
 def check_pressed_through(model: Model, d: Array, at: dict[str, float]) -> None:
@@ -140,7 +144,7 @@ def check_crossed(model: Model, d: Array, last: tuple[Array, float], t: float) -
 
 
 def contact_report(model: Model, state: State) -> list[dict[str, Any]]:
-    """Return force, moment about the origin and contact zone of each contact of a model, for ``--json``."""
+    """Return force, moment about the origin, pressing force and zone of each contact of a model, for ``--json``."""
     of: dict[int, list[Touch]] = {}
     for touch in touches(model, state):
         of.setdefault(id(touch.pair.item), []).append(touch)
@@ -153,6 +157,7 @@ def _report_of(parts: list[Touch]) -> dict[str, Any]:
     fx, fy = sum(touch.pair.sign * touch.force.sum(axis=0) for touch in parts)
     return {"name": parts[0].pair.name, "force": [float(fx), float(fy)],
             "moment": float(sum(touch.pair.sign * touch.moment.sum() for touch in parts)),
+            "normal": float(sum(touch.normal.sum() for touch in parts)),
             "length": max(_contact_length(touch) for touch in parts if touch.pair.sign >= 0.0 or touch.pair.hard),
             "from": float(first.min()) if len(first) else None, "to": float(last.max()) if len(last) else None}
 

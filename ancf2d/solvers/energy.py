@@ -153,5 +153,7 @@ def _classes(group: Any, law: StrainLaw, states: Array) -> Iterator[tuple[Any, A
     for c in range(len(ref)):
         some = np.flatnonzero(group.cls == c)
         points = strains // law.strains
-        now = own[group.values.memory.row[some]] if states.size else own[some]
+        now = np.zeros((len(some), n, own.shape[2]))
+        # the last stations may have no state
+        now[:, :own.shape[1]] = own[group.values.memory.row[some]] if states.size else own[some]
         yield some, ref[c].reshape(n, points, -1), D[c], now.reshape(len(some), n, points, -1)

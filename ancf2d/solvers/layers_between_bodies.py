@@ -17,6 +17,7 @@ from ..elements.contact_geometry import STIFFNESS, WEIGHT
 from ..elements.shape import gauss
 from ..errors import SingularTangentError
 from ..interactions.contact_curves import Spot, levels_of
+from ..kernels.facing import IN_RANGE
 from ..kernels.matrices.matrix import scatter_patches
 from ..model.contact_tables import BodyTable
 from ..model.model import Model
@@ -62,8 +63,9 @@ class BodyLayer:
         self.few, self.many = known, [BodyTable((), one.pair.with_points(
             replace(one.pair.item, friction=0.0), one.pair.mesh, _dense_points(one.pair))) for one in known]
         self.of_axes = known[0].pair.item.side == "axis"
-        for one in self.many:
-            one.near = not self.of_axes
+        if not self.of_axes:
+            for one in self.many:
+                one.within = IN_RANGE
         solver = model.case.solver
         self.balances = not (solver.moves or solver.on_path)
 

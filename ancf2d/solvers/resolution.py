@@ -120,7 +120,8 @@ class _Body:
         floor = self.faint * (size if state.linear else max(1.0, size)) ** 2
         if max(asked, stored) <= floor:
             return 0.0, 0.0
-        allowed = 0.0 if state.linear else self._large_strain_error(stored) * stored
+        larger = max(asked, stored)
+        allowed = 0.0 if state.linear else self._large_strain_error(larger) * larger
         return stored, max(abs(asked - stored) - allowed, 0.0) * self._tension_share(forces[..., 0], forces[..., 2])
 
     def natural(self, state: State) -> float:
@@ -149,7 +150,7 @@ class _Body:
         size = float(np.abs(self.model.weights * shape).max()) / self.model.extent
         if max(asked, stored) <= self.faint * size**2:
             return 0.0, 0.0
-        allowed = self._large_strain_error(max(self.weight * energy, 0.0)) * stored
+        allowed = self._large_strain_error(max(self.weight * energy, 0.0)) * max(asked, stored)
         return stored, max(abs(asked - stored) - allowed, 0.0) * self._tension_share(N, forces[..., 2])
 
     def added(self, state: State, motion: Array, Q: Array, a: Array | None) -> Array:
@@ -168,12 +169,15 @@ class _Body:
         """Return U* of section forces."""
         return float(np.einsum("ek,ekc->", self.ds, 0.5 * forces**2 * self.compliance))
 
-    def _large_strain_error(self, stored: float) -> float:
-        """Return the relative error of the energy U due to large Green-Lagrange strains, from the mean strain."""
+    def _large_strain_error(self, energy: float) -> float:
+        """Return the relative error of the larger of U and U* due to large Green-Lagrange strains, by the mean strain.
+
+        A stretched neo-Hookean bar stores much less than N^2/EA ds/2.
+        """
         if not self.mesh.plan.formulation.green:
             return 0.0
         rigidity = self.stands_for * self.mesh.plan.section.EA * self.mesh.plan.length
-        return LARGE_STRAIN * math.sqrt(2.0 * stored / rigidity)
+        return LARGE_STRAIN * math.sqrt(2.0 * energy / rigidity)
 
     def _tension_share(self, N: Array, M: Array) -> float:
         """Return the share of a deflection within elements that remains under tension.

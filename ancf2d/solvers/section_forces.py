@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -82,6 +82,12 @@ def natural_rates(model: Model, state: State, order: int = 0) -> dict[int, float
     return dict(enumerate(rates))
 
 
+def stacked(parts: Sequence[Array]) -> Array:
+    """Return arrays that differ in length as one (parts, longest, ...), with zeros behind the shorter ones."""
+    longest = max(map(len, parts))
+    return np.stack([np.pad(x, [(0, longest - len(x)), *[(0, 0)] * (x.ndim - 1)]) for x in parts])
+
+
 class SectionForces:
     """N, Q, M of one body at the same stations ``xi`` (k,) in [0, 1] of every element.
 
@@ -92,6 +98,8 @@ class SectionForces:
 
     def __init__(self, model: Model, mesh: BodyMesh, xi: Array) -> None:
         self.model, self.mesh, self.xi = model, mesh, np.asarray(xi, dtype=float)
+        # of the parts before each station, and of the whole element
+        self.ends = np.append(self.xi, 1.0)
         element = mesh.plan.element
         self.nc = element.components
         self.tau = damping_time(model.case, mesh.plan.name)
@@ -126,9 +134,11 @@ class SectionForces:
         return [c.mass for c in self.mesh.classes]
 
     @cached_property
-    def volumes(self) -> list[list[Volume]]:
-        """For each class, the mass quadratures of its part before each station, and of the whole element."""
-        return [[over_body(c.sampler, x) for x in (*self.xi, 1.0)] for c in self.mesh.classes]
+    def volumes(self) -> list[Volume]:
+        """For each class, the mass quadratures (k + 1, points, ...) of its part before each station, and of all of it.
+        """
+        return [Volume(*map(stacked, zip(*(over_body(c.sampler, x) for x in self.ends), strict=True)))
+                for c in self.mesh.classes]
 
     def __call__(self, state: State, elements: Index | None = None) -> Array:
         """Return N (tension) along the section's x axis, Q along its y axis, M counter-clockwise: (m, k, 3).
@@ -223,22 +233,22 @@ class _Part:
                     force[coords - first] += term.inertia * (weights @ rates[coords - first]) * weights
             yield m, point.xi, force.reshape(-1, self.body.nc)
 
-    def _line_samples(self, upto: float) -> Iterator[tuple[Array, Array]]:
-        """Yield points xi (m, g) before ``upto`` for each line load, and the force (m, g, 2) of each point."""
+    def _line_samples(self, ends: Array) -> Iterator[tuple[Array, Array]]:
+        """Yield points xi (m, k, g) before each of ``ends`` (k,) for each line load, and their forces (m, k, g, 2)."""
         mesh = self.body.mesh
-        start, l = mesh.starts[self.chosen], mesh.lengths[self.chosen]
+        start, l = mesh.starts[self.chosen, None], mesh.lengths[self.chosen, None]
         x, w = self.body.along
         parts = [(line, factor, a, b) for line, factor in self.lines for a, b in pairwise(load_breaks(line))]
         for line, factor, a, b in parts:
             low = np.maximum(a * mesh.plan.length - start, 0.0)
-            span = np.maximum(np.minimum(b * mesh.plan.length - start, upto * l) - low, 0.0)
-            xi = (low[:, None] + x * span[:, None]) / l[:, None]
-            f = factor * per_length(line.density, mesh, self.chosen, xi)
+            span = np.maximum(np.minimum(b * mesh.plan.length - start, ends * l) - low, 0.0)[..., None]
+            flat = (xi := (low[..., None] + x * span) / l[..., None]).reshape(len(l), -1)
+            f = factor * per_length(line.density, mesh, self.chosen, flat)
             if line.follower:
-                c, s = self._axes(xi)
+                c, s = self._axes(flat)
                 f = np.array([c * f[0] - s * f[1], s * f[0] + c * f[1]])
-            force = np.moveaxis(np.broadcast_to(f, (2, *xi.shape)), 0, -1)
-            yield xi, force * (w * span[:, None])[..., None]
+            force = np.moveaxis(np.broadcast_to(f, (2, *flat.shape)), 0, -1).reshape(*xi.shape, 2)
+            yield xi, force * (w * span)[..., None]
 
     def _rows(self, xi: Array, i: int = 0, j: int = 0, y: Array | None = None) -> Array:
         """Return shape functions (..., n_shape), or derivatives, at xi (...), on the axis or at y (...)."""
@@ -276,8 +286,8 @@ class _Part:
     def _consistent(self) -> Array:
         """Return the consistent forces (m, n_shape, nc) of the loads on the elements' own coordinates."""
         out = np.zeros_like(self.e)
-        for xi, force in self._line_samples(1.0):
-            out[..., :2] += np.einsum("mgk,mgc->mkc", self._rows(xi), force)
+        for xi, force in self._line_samples(np.ones(1)):
+            out[..., :2] += np.einsum("mgk,mgc->mkc", self._rows(xi[:, 0]), force[:, 0])
         if self.rates is not None:
             M = self._each(self.body.masses)
             out += (self.rates.reshape(len(self.dofs), 1, -1) @ M).reshape(out.shape)
@@ -293,36 +303,28 @@ class _Part:
         at = self.body.is_r & chosen
         return np.concatenate([forces[:, at, :2].sum(axis=1), moment[:, None]], axis=1)
 
-    def _loads_before(self) -> tuple[Array, Array]:
-        """Return the wrenches of the loads on the elements (m, 3), and on their parts before each station (m, k, 3)."""
-        xi = self.body.xi
-        if not self.lines and not len(self.within) and self.rates is None:
-            return np.zeros((len(self.dofs), 3)), np.zeros((len(self.dofs), len(xi), 3))
-        return self._load_wrench(-1, 1.0), np.stack([self._load_wrench(k, x) for k, x in enumerate(xi)], axis=1)
-
-    @cached_property
-    def _wrenches(self) -> Array:
-        """The wrench (m, 3) of each action inside the elements."""
-        return self._node_wrench(self.acting, np.ones(self.acting.shape[1], bool), self.within)
-
-    def _load_wrench(self, station: int, upto: float) -> Array:
-        """Return the wrench (m, 3) of the loads on the elements' parts before a station."""
-        total = np.zeros((len(self.dofs), 3))
-        for xi, force in self._line_samples(upto):
-            arm = self._rows(xi) @ self.local
-            total[:, :2] += force.sum(axis=1)
-            total[:, 2] += cross(arm, force).sum(axis=1)
-        before = self.at < upto
-        np.add.at(total, self.within[before], self._wrenches[before])
+    def _loads_before(self) -> Array:
+        """Return the wrenches (m, k + 1, 3) of the loads on the elements' parts before each station, and on the whole.
+        """
+        ends, local = self.body.ends, self.local[:, None]
+        total = np.zeros((len(self.dofs), len(ends), 3))
+        for xi, force in self._line_samples(ends):
+            total[..., :2] += force.sum(axis=-2)
+            total[..., 2] += cross(self._rows(xi) @ local, force).sum(axis=-1)
+        if len(self.within):
+            acting = self._node_wrench(self.acting, np.ones(self.acting.shape[1], bool), self.within)
+            for k, end in enumerate(ends):
+                before = self.at < end
+                np.add.at(total[:, k], self.within[before], acting[before])
         if self.rates is None:
             return total
-        S, dm, dI = (self._each([v[station][j] for v in self.body.volumes]) for j in range(3))
-        b = S @ self.rates
+        S, dm, dI = (self._each([v[j] for v in self.body.volumes]) for j in range(3))
+        b = S @ self.rates[:, None]
         f = dm[..., None] * b[..., :2]
-        total[:, :2] += f.sum(axis=1)
-        total[:, 2] += cross(S @ self.local, f).sum(axis=1)
+        total[..., :2] += f.sum(axis=-2)
+        total[..., 2] += cross(S @ local, f).sum(axis=-1)
         if self.body.nc == 3:
-            total[:, 2] += (b[..., 2] * dI).sum(axis=1)
+            total[..., 2] += (b[..., 2] * dI).sum(axis=-1)
         return total
 
     def forces(self) -> Array:
@@ -330,13 +332,13 @@ class _Part:
         body = self.body
         own = self._nodal() + self._tendon_forces() - self._consistent()
         start, end = (self._node_wrench(own, node) for node in (body.first_node, body.last_node))
-        whole, before = self._loads_before()
+        loads = self._loads_before()
         stations = np.broadcast_to(body.xi, (len(self.dofs), len(body.xi)))
         place = self._rows(body.xi) @ self.local
         c, s = self._axes(stations)
         borne = self._tendon_pulls(stations)
-        off = start + end + whole
-        total = body.xi[:, None] * off[:, None] - start[:, None] - before
+        off = start + end + loads[:, -1]
+        total = body.xi[:, None] * off[:, None] - start[:, None] - loads[:, :-1]
         fx, fy = total[..., 0], total[..., 1]
         out = np.stack([c * fx + s * fy, -s * fx + c * fy, total[..., 2] - cross(place, total)], axis=-1)
         for fx, fy, moment in borne:

@@ -116,3 +116,16 @@ class Row:
     log: Array
     full: tuple[Array, ...] = ()
     energy: tuple[float, float] = (math.nan, math.nan)
+
+
+def with_rows(log: Array, more: Array) -> Array:
+    """Return both in one array (n + m, columns), which has room behind it: n calls that add a row copy about 2 n rows.
+
+    ``log`` is an array of its own or the result of the last call, whose rows stay the same.
+    """
+    n, needed, room = len(log), len(log) + len(more), log.base
+    if room is None or needed > len(room):
+        room = np.empty((2 * needed, more.shape[1]))
+        room[:n] = log
+    room[n:needed] = more
+    return room[:needed]

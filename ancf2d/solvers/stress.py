@@ -294,7 +294,7 @@ class StressOfFibres:
         d = state.d[:model.n_q][mesh.dofs].ravel()
         commit(alone, d)
         # accepted states map to themselves
-        eps, sigma = np.zeros((2, *states.shape[:2], law.strains))
+        eps, sigma = np.zeros((2, len(states), group.plan.parts * group.law.B.shape[2], law.strains))
         stations(alone, d, eps, sigma)
         found, n, nx = states[:, :self.size[1]], law.strains, self.size[1]
         eps = eps[:, :nx] + found[..., :n]

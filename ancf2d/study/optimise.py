@@ -121,7 +121,7 @@ class _Search:
         self.gradients = 0
         self._last: tuple[bytes, DifferentiableRun] | None = None
         self._known: dict[bytes, Array] = {}
-        self._slopes: dict[bytes, Array] = {}
+        self.known_slopes: dict[bytes, Array] = {}
         start = np.array([v.value for v in problem.variables])
         self.start = np.clip((start - self.low) / self.range, 0.0, 1.0)
         self.sizes = self._sizes()
@@ -204,23 +204,15 @@ class _Search:
     def slopes(self, y: Array) -> Array:
         """Return the derivatives (values, numbers) by y."""
         key = y.tobytes()
-        if key not in self._slopes:
+        if key not in self.known_slopes:
             run = self._run_at(y)
             here = [CaseNumber(variable.path, float(x), variable.list_scale, variable.body)
                     for variable, x in zip(self.problem.variables, self.x(y), strict=True)]
             run.compute_together(here)
             columns = [run.differentiate(variable)[0].value for variable in here]
             self.gradients += 1
-            self._slopes[key] = np.array(columns).T * self.range
-        return self._slopes[key]
-
-    def has_slopes(self, y: Array) -> bool:
-        """Return whether the derivatives at y are known."""
-        return y.tobytes() in self._slopes
-
-    def known_slopes(self) -> list[Array]:
-        """Return the derivatives at all points where they were computed."""
-        return list(self._slopes.values())
+            self.known_slopes[key] = np.array(columns).T * self.range
+        return self.known_slopes[key]
 
 
 def optimise(problem: Problem, method: str = "slsqp", iterations: int = 100, progress: Progress | None = None,
@@ -243,7 +235,8 @@ def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bo
 
     If slsqp ends although derivatives promise a further decrease, as may happen with ==, it is restarted there. If it
     does not converge, the search continues from the best point within a box around it, a quarter as wide each time:
-    steps far beyond the validity of the derivatives may end at points from which no step leads back.
+    steps far beyond the validity of the derivatives may end at points from which no step leads back. The same applies
+    where the case cannot be solved, from the last point with derivatives.
     """
     from scipy.optimize import minimize
 
@@ -260,9 +253,15 @@ def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bo
         with warnings.catch_warnings():
             # linear quantities such as a mass cause this warning without being a mistake
             warnings.filterwarnings("ignore", message="delta_grad == 0.0")
-            result = minimize(goal.value, goal.start(y), jac=goal.slope, method=METHODS[method],
-                              bounds=goal.bounds(low, high), constraints=constraints,
-                              options=options | {"maxiter": iterations - done})
+            try:
+                result = minimize(goal.value, goal.start(y), jac=goal.slope, method=METHODS[method],
+                                  bounds=goal.bounds(low, high), constraints=constraints,
+                                  options=options | {"maxiter": iterations - done})
+            except ComputationError:
+                if method != "slsqp" or reach < SMALLEST or not search.known_slopes:
+                    raise
+                y, reach = np.frombuffer([*search.known_slopes][-1]), reach / 4.0
+                continue
         found, done = np.clip(np.asarray(result.x)[:len(y)], low, high), done + int(result.nit)
         at_edge = bool(np.any(((found - low < EXACT) & (low > 0.0)) | ((high - found < EXACT) & (high < 1.0))))
         success = bool(result.success) and not at_edge
@@ -320,7 +319,7 @@ def _can_decrease(search: _Search, goal: _Goal, z: Array) -> bool:
     from scipy.optimize import nnls
 
     n, slopes, values = goal.n, list[Array](), list[Array]()
-    if not search.has_slopes(z[:n]):
+    if z[:n].tobytes() not in search.known_slopes:
         return False
     for one in _constraints(search, "slsqp"):
         for sign in (1.0, -1.0) if one["type"] == "eq" else (1.0,):
@@ -378,7 +377,7 @@ def _optimum(problem: Problem, search: _Search, y: Array, success: bool, message
     loaded, minimised = search.loaded, problem.measures.measures[0].text
     warned = [*moved_starts(problem.variables, problem.bounds, starts),
               *dict.fromkeys(search.warnings[y.tobytes()])]
-    if not any(slopes[0].any() for slopes in search.known_slopes()):
+    if not any(slopes[0].any() for slopes in search.known_slopes.values()):
         warned.append(f"{minimised} does not depend on any of the numbers that vary" + (
             ": no material or section of the case has a mass" if minimised == MASS and not values[0] else ""))
     return Optimum(loaded.source.file, loaded.case.title, minimised, rows, float(values[0]), constraints,

@@ -23,7 +23,7 @@ class Progress:
 
     ``state`` is called with each state, ``warn`` with each new warning, ``note`` with remarks, ``built`` with the model
     before it is solved, ``compiling`` with a remark when kernels have to be compiled first. ``checks_mesh``: check
-    whether the mesh is fine enough, and warn if not.
+    whether the mesh is fine enough, and warn if not; ``checks_zones``: where bodies yield, too.
     """
 
     state: Callable[[State], None] = lambda state: None
@@ -32,6 +32,7 @@ class Progress:
     built: Callable[[Model], None] = lambda model: None
     compiling: Callable[[str], None] = lambda text: None
     checks_mesh: bool = True
+    checks_zones: bool = True
 
 
 class Clock:
@@ -68,17 +69,18 @@ class Recorder:
     def __init__(self, model: Model, writer: Any, progress: Progress, warnings: list[str]) -> None:
         from ..solvers.between_contact_points import ErrorsBetweenPoints
         from ..solvers.fields import FieldReader
+        from ..solvers.plastic_zones import PlasticZones
         from ..solvers.post import Observer
         from ..solvers.resolution import Resolution
 
         self.model, self.case, self.writer, self.progress, self.warnings = model, model.case, writer, progress, warnings
-        self.observer, self.resolution = Observer(model), Resolution(model)
+        self.observer, self.resolution, self.zones = Observer(model), Resolution(model), PlasticZones(model)
         self.between = ErrorsBetweenPoints(model)
-        self.fields = FieldReader(model) if writer is not None else None
+        # a keeper of checkpoints stores nothing else
+        self.stores = writer is not None and writer.stores
+        self.fields = FieldReader(model) if self.stores else None
         self.end = run_end(self.case)
         self.moves = self.case.solver.moves
-        # without a result file, only the last of the equilibria is reported
-        self.reads_all = self.moves or writer is not None
         self.state: State | None = None
         self.last_reactions: tuple[State | None, dict[str, dict[str, float]]] = (None, {})
         self.probes: dict[str, dict[str, float]] = {}
@@ -86,12 +88,14 @@ class Recorder:
         self.report: dict[str, Any] = {}
         self.worst: dict[str, Graded] = {}
         self.clock, self.windows = Clock(iter(())), Windows(model)
+        # only the last state's probes are reported; earlier ones are for a result file or goals over a window of time
+        self.reads_all = self.stores or bool(self.windows.goals)
         # history variables of the elements before the first step
         self.unloaded = model.states.copy() if model.remembers else None
 
     def record(self, state: State) -> None:
         """Record the next state."""
-        if self.writer is not None and self.totals["steps"] == 0 and isinstance(self.case.solver, Static):
+        if self.stores and self.totals["steps"] == 0 and isinstance(self.case.solver, Static):
             self._reference()
         self.state = state
         if self.reads_all:
@@ -104,6 +108,8 @@ class Recorder:
             self._take_motion(state)
         else:
             self._take_equilibrium(state)
+        if self.writer is not None and not self.stores:
+            self.writer.keep(self._checkpoint(state))
         self.progress.state(state)
 
     def conclude(self) -> None:
@@ -121,6 +127,8 @@ class Recorder:
             self._warn(coarse_warnings(self.model, self.state.d))
         self._warn(self.between.warnings())
         self._warn(self.resolution.warnings(self.state))
+        if self.progress.checks_zones:
+            self._warn(self.zones.warnings(self.state))
 
     def _warn(self, texts: Iterable[str]) -> None:
         for text in texts:
@@ -139,8 +147,6 @@ class Recorder:
 
     def _over_time(self, state: State, probes: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
         """Return the values to store for a state: probes, moving points and obstacles, the goal's reaction."""
-        if self.writer is None:
-            return probes
         # no name of a probe contains a dot
         places = self.case.places_over_time(state.side)
         probes = {**probes, **places}
@@ -165,7 +171,8 @@ class Recorder:
     def _take_equilibrium(self, state: State) -> None:
         self.totals["iterations"] += int(state.history["iterations"])
         self.totals["steps"] += 1
-        if self.writer is None:
+        self.zones.follow(state)
+        if not self.stores:
             return
         self._write_once(state)
         if self.case.output.stores(self.totals["steps"], state.t) or state.t >= self.end or state.last:
@@ -184,7 +191,7 @@ class Recorder:
         self._count(state.blocks)
         if self.progress.checks_mesh:
             self.resolution.check(state)
-        if self.writer is None:
+        if not self.stores:
             return
         self._write_once(state)
         v = None if state.v is None else state.v[:self.model.n_q]
@@ -203,12 +210,12 @@ class Recorder:
     def _count(self, steps: dict[str, Any]) -> None:
         if not len(steps.get("dt", ())):
             return
-        totals, dt = self.totals, steps["dt"]
+        # few steps lie between two states: lists are faster than arrays
+        totals, dt = self.totals, steps["dt"].tolist()
         totals["steps"] += len(dt)
-        totals["iterations"] += int(steps["iterations"].sum())
-        totals["rejected"] = totals.get("rejected", 0) + int(steps["rejected"].sum())
-        smallest, largest = totals.get("dt", (float("inf"), 0.0))
-        totals["dt"] = [min(smallest, float(dt.min())), max(largest, float(dt.max()))]
+        totals["iterations"] += int(sum(steps["iterations"].tolist()))
+        totals["rejected"] = totals.get("rejected", 0) + int(sum(steps["rejected"].tolist()))
+        totals["dt"] = [pick([*totals.get("dt", dt), *dt]) for pick in (min, max)]
 
     # ------------------------------------------------------------------ interruptions
 

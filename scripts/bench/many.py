@@ -145,7 +145,8 @@ the median of a variant solved alone:
 
 {table(["sweep of", "rows", "in all", "of it the start", "a row", "the solve", "ratio", "the solves"], rows)}
 
-Pendulum (1) to 1e-4 m. Stored states are at multiples of 0.01 s; the error estimate comes from two coarser motions.
+Pendulum (1) to 1e-4 m. Stored states are at multiples of 0.01 s; the error estimate comes from two coarser motions,
+the second of which ends early, because its steps are no longer.
 
 {table(["way", "time", "of the first"], steps)}"""
 

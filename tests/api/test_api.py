@@ -310,6 +310,24 @@ def test_fields_motions_and_modes_as_data_sets(tmp_path: Path) -> None:
     assert modes["mode_shape"].dims == ("mode", "coordinate")
 
 
+@pytest.mark.slow
+def test_responses_linear_models_and_tables_as_data_sets() -> None:
+    """C (i omega - A)^-1 B + D of one is the response of the other."""
+    pytest.importorskip("xarray")
+    more: dict[str, Any] = {"loads.0.name": "push", "goal": None,
+                            "bodies.beam.material.damping": {"kelvin_voigt": 1e-3}}
+    response = ancf2d.solve(TEXT, more | {
+        "solver": {"type": "frequency_response", "inputs": ["push"], "frequencies": [1, 5]}}).to_xarray()
+    assert response["push.tip.uy"].dims == ("hz",)
+    model = ancf2d.solve(TEXT, more | {
+        "solver": {"type": "state_space", "inputs": ["push"], "outputs": ["tip.uy"], "modes": 8}}).to_xarray()
+    assert model["outputs.output"].item() == "tip.uy"
+    A, B, C, D = (model[name].to_numpy() for name in "ABCD")
+    s = 2j * np.pi * 5
+    np.testing.assert_allclose((C @ np.linalg.solve(s * np.eye(len(A)) - A, B) + D).item(),
+                               response["push.tip.uy"].sel(hz=5).item(), rtol=1e-4)
+
+
 def test_without_xarray_the_message_says_what_to_install(
         monkeypatch: pytest.MonkeyPatch, solution: ancf2d.Solution) -> None:
     monkeypatch.setitem(sys.modules, "xarray", None)

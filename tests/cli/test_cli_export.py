@@ -51,6 +51,14 @@ def test_refusals_exit_with_2_and_leave_everything_as_it_is(solved: Call, folder
     assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
 
 
+def test_a_study_without_probes_says_where_its_table_goes(call: Call) -> None:
+    assert call("sensitivity", "beam.yaml", "--set", "goal={probe: tip, quantity: uy}", "--to", "loads.0.value.1",
+                "-o", "study.h5").exit_code == 0
+    result = call("export", "study.h5", "study.csv")
+    assert (result.exit_code, "--data FILE.csv" in result.stderr) == (2, True), result.stderr
+    assert call("plot", "study.h5", "--data", "study.csv").exit_code == 0
+
+
 def test_force_replaces(solved: Call, folder: Path) -> None:
     (folder / "there.csv").write_text("mine")
     assert solved("export", "beam.h5", "there.csv", "--force").exit_code == 0

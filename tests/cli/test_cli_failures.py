@@ -132,6 +132,13 @@ def test_all_problems_of_a_case_are_printed_and_counted(call: Call, folder: Path
     assert result.stderr.rstrip().split("\n")[-1] == f"{result.stderr.count('error: ')} problems in beam.yaml"
 
 
+def test_problems_outside_the_case_are_not_counted_as_the_cases(call: Call, folder: Path) -> None:
+    (folder / "beam.yaml").write_text(BEAM)
+    result = call("fit", "beam.yaml", "--data", "none.csv", "--vary", "bodies.beam.material.E=1e9:1e12")
+    assert result.exit_code == 2
+    assert result.stderr.endswith("No such file or directory\n1 problem\n")
+
+
 @pytest.mark.parametrize("command", [["run"], ["convergence"]])
 def test_wrong_case_is_one_json_object_too(call: Call, folder: Path, command: list[str]) -> None:
     (folder / "beam.yaml").write_text(BEAM.replace("count: 2", "count: two"))

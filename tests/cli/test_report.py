@@ -111,3 +111,15 @@ def test_times_near_a_change_of_unit_have_no_exponent() -> None:
 
 def test_what_an_iteration_left_of_nothing_is_nothing() -> None:
     assert [number(v) for v in (-2.3e-145, 5e-324, 0.0, 1e-40, None)] == ["0", "0", "0", "1e-40", "-"]
+
+
+def test_contacts_are_listed_with_force_and_zone_or_what_presses_if_forces_cancel() -> None:
+    """A body on itself has no resultant; what touches nothing has no zone."""
+    found = [{"name": "grip", "force": [0.3, 2.5], "normal": 2.5, "length": 0.5, "from": 0.25, "to": 0.5},
+             {"name": "fold", "force": [0.0, 0.0], "normal": 3.5, "length": 0.1, "from": 0.2, "to": 0.7},
+             {"name": "far", "force": [0.0, 0.0], "normal": 0.0, "length": 0.0, "from": None, "to": None}]
+    lines = run_report({**FACTS, "contacts": found}, Units(), 1.0).split("\n")
+    assert [line.split() for line in lines[-4:]] == [
+        ["contact", "fx", "[N]", "fy", "[N]", "pressing", "[N]", "length", "[m]", "from", "S", "to", "S"],
+        ["grip", "0.3", "2.5", "2.5", "0.5", "0.25", "0.5"], ["fold", "3.5", "0.1", "0.2", "0.7"],
+        ["far", "0", "0", "0", "0"]]

@@ -65,3 +65,11 @@ def test_arrays_that_do_not_lie_row_by_row_are_refused() -> None:
     for table in (values.inner.table.T, values.inner.table.astype(np.float32)):
         with pytest.raises(ValueError, match="cannot be part of a record"):
             Record(values._replace(inner=values.inner._replace(table=table)))
+
+
+@pytest.mark.parametrize("x", [np.zeros(0), np.arange(6.0)[2:], np.ones((2, 3))[1], np.zeros((4, 0, 2)),
+                               np.frombuffer(bytes(16)), np.arange(3), np.ones(2, dtype=complex)])
+def test_the_words_of_an_array_are_its_address_and_shape(x: np.ndarray) -> None:
+    found = Record(Inner(x, 7))
+    at, _ = found.layout.place["table"]
+    assert found._words[at:at + 1 + x.ndim].tolist() == [x.ctypes.data, *x.shape]

@@ -164,9 +164,11 @@ def test_a_hairpin_touches_itself_as_half_of_it_does_its_plane_of_symmetry(law):
         # without a law, one of the two sides has the points
         np.testing.assert_allclose(whole.r(f"pin@{1 - s}"), whole.r(f"pin@{s}") * [1, -1],
                                    atol=1e-8 if law == "law" else 2.5e-5)
-    (report,) = contact_report(whole.model, whole.state)
-    # a body has no force on itself
+    (report,), (other,) = contact_report(whole.model, whole.state), contact_report(alone.model, alone.state)
+    # a body has no force on itself, but presses with the force on the plane
     assert report["force"] == [0.0, 0.0]
+    assert report["normal"] == pytest.approx(other["force"][1], rel=2e-3)
+    assert other["normal"] == pytest.approx(other["force"][1], rel=1e-9)
     assert 0.0 < report["from"] < 0.35
     assert law == "none" or 0.65 < report["to"] < 1.0
     check_balance(whole)

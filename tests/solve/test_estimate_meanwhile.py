@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ancf2d.kernels.motion.state import COUNT
 from ancf2d.solvers.motion import estimate, stepping
 from ancf2d.solvers.motion.dynamic import Run
 from tests import helpers as h
@@ -107,7 +108,35 @@ def test_a_motion_that_goes_on_from_its_middle_has_the_same_estimate_in_threads(
     assert later.estimate.report() == run.estimate.report()
 
 
-def test_a_level_whose_steps_are_divided_into_many_is_abandoned() -> None:
+def test_an_estimate_does_not_depend_on_how_far_calls_get(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = []
+    for seconds in (1e-9, 10.0):
+        monkeypatch.setattr(stepping, "CHUNK_SECONDS", seconds)
+        run = run_of("prescribed", tolerance=1e-6)
+        found.append([len(list(run.states()))])
+        assert run.estimate is not None
+        found[-1] += [run.estimate.report(), run.estimate.largest.tobytes(), run.estimate.made.tobytes()]
+    assert found[0][0] == 21
+    assert found[0] == found[1]
+
+
+def test_a_second_coarser_motion_whose_steps_are_no_longer_goes_no_further() -> None:
+    """Newton's method limits the steps of a slender pendulum: the second coarser motion is given up at once."""
+    slender = h.body(h.line(1.8), h.element("reissner3", 4), {"height": 0.004, "width": 0.03},
+                     {"E": 2e11, "nu": 0.3, "rho": 2700.0})
+    model = h.build({"rod": slender}, {"type": "dynamic", "t_end": 0.8, "tolerance": 1e-4}, loads=[GRAVITY],
+                    boundary_conditions=[{"type": "pin", "at": "rod@0"}], output={"probes": {"tip": "rod@1"}})
+    run = Run(model, model.case.solver)
+    for _ in run.states():
+        pass
+    assert run.estimate is not None
+    first, second = (int(motion.s.numbers[COUNT]) for motion in run.estimate.coarse)
+    assert run.estimate.levels == 1
+    assert first > 1.8 * estimate.SEEN
+    assert estimate.SEEN <= second < 1.5 * estimate.SEEN
+
+
+def test_a_level_whose_steps_are_divided_into_many_is_abandoned(monkeypatch: pytest.MonkeyPatch) -> None:
     """A motion that longer steps make unstable may need a hundred times as many of them."""
     run = run_of("amplitude", dt=1e-3)
     judge = run.estimate
@@ -115,16 +144,23 @@ def test_a_level_whose_steps_are_divided_into_many_is_abandoned() -> None:
     for _ in run.states():
         pass
     assert (judge.own, judge.levels, judge.failed) == (200, 2, "")
-    order = judge.report()["order"]
-    judge.made[1, 1] = 600
-    judge._give_up()
-    assert judge.levels == 1
-    assert order is not None
-    report = judge.report()
-    assert report["estimate"] > 0.0
-    assert report["order"] is None
-    judge.made[0, 1] = 900
-    judge._give_up()
+    made, nothing = np.zeros((2, 1, 2)), np.zeros(0)
+    for first, second, vain in ((100, 50, [False, False]), (100, 600, [False, True]), (900, 450, [True, False])):
+        made[:, 0, 1] = first, second
+        assert judge._is_vain(made, np.array([200.0]), nothing, nothing)[:, 0].tolist() == vain
+    assert judge.report()["order"] is not None
+    judge.levels = 1
+    assert judge.report()["estimate"] > 0.0
+    assert judge.report()["order"] is None
+
+    monkeypatch.setattr(estimate, "MANY", 0)
+    monkeypatch.setattr(estimate, "DIVIDED", 0.4)
+    run = run_of("amplitude", dt=1e-3)
+    judge = run.estimate
+    assert judge is not None
+    for _ in run.states():
+        pass
+    assert judge.levels == 0
     assert "divided" in judge.warnings()[0]
     assert judge.report()["estimate"] is None
     judge.failed = ""

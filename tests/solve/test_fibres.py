@@ -72,6 +72,21 @@ def test_a_rectangle_bends_beyond_yield_and_back(kind: tuple[str, str | None]) -
     assert abs(back) < near * moment
 
 
+@pytest.mark.parametrize("kind", TYPES, ids=lambda k: k[0])
+def test_fibres_that_yield_under_an_eigenstrain_before_the_first_step_remember_it(kind: tuple[str, str | None]) -> None:
+    """Bent back to no elastic strain by one step: M = -f(k) + 2 f(k/2) with the moment f of virgin loading (Masing).
+
+    Sections that are held straight under a natural curvature are in balance, so no iteration finds their state.
+    """
+    k = 4.0 * BENT
+    body = {"geometry": h.line(LENGTH), "element": h.element(kind[0], 2, kind[1]), "material": STEEL,
+            "section": {"height": HEIGHT, "width": WIDTH}}
+    found = h.solved({"rod": body}, {"type": "static", "steps": 1}, bc=[
+        {"type": "clamp", "at": "rod@0"}, {"type": "prescribed", "at": "rod@1", "name": "end", "angle": k * LENGTH}],
+        loads=[{"type": "eigenstrain", "on": "rod", "curvature": k, "amplitude": {"type": "constant"}}])
+    assert at(found, 1.0)[0]["m"] == pytest.approx(2.0 * fibres(16, 0.5 * k) - fibres(16, k), rel=1e-4)
+
+
 @pytest.mark.parametrize("kind", TYPES[:2], ids=lambda k: k[0])
 def test_fibres_tell_their_stress_and_plastic_strain(kind: tuple[str, str | None], tmp_path: Path) -> None:
     """Bent to kappa and let go, fibres keep p = e - clip(E e)/E and the stress clip(E e) - M y/I of the moment M.
@@ -133,6 +148,18 @@ def test_the_fields_of_layers_make_their_section_forces(kind: tuple[str, str | N
     for exact, some in ((kind[0] == "reissner3", slice(1, -1)), (False, slice(None))):
         np.testing.assert_allclose((stress @ w)[some], N[some], rtol=1e-9 if exact else 3e-2)
         np.testing.assert_allclose(-(stress @ (w * y))[some], M[some], rtol=1e-9 if exact else 0.15)
+
+
+@pytest.mark.parametrize(("kind", "stations"), [(("reissner3", None), 2), (("cable", None), 3),
+                                                (("vallejo", "structural"), 2), (("omar", "structural"), 3)])
+def test_only_stations_that_bear_normal_force_and_moment_remember(kind: tuple[str, str | None], stations: int) -> None:
+    """Those of the stretch of a section, at Lobatto points of ANCF types, have no fibres that could yield."""
+    body = {"geometry": h.line(1.0), "element": h.element(kind[0], 3, kind[1]), "material": STEEL,
+            "section": {"height": HEIGHT, "width": WIDTH}}
+    model = build_model(h.load({"beam": body}, {"type": "static"}, bc=[{"type": "clamp", "at": "beam@0"}]))
+    law = model.meshes["beam"].plan.formulation.law
+    assert model.states.size == 3 * stations * law.state
+    assert law.state == 2 * law.strains + 2 * 16 + 3
 
 
 def test_the_sum_over_fibres_converges_with_their_number() -> None:

@@ -9,6 +9,7 @@ from motions import OWN, rigid, rod
 
 from ancf2d.kernels.motion.state import WORK
 from ancf2d.solvers.energy import Energies
+from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.dynamic import Run
 from ancf2d.solvers.motion.schemes import SCHEMES
 
@@ -225,3 +226,22 @@ def test_the_error_is_estimated_where_breaks_cut_steps():
              "loads": [{"type": "force", "at": "b@1", "value": [0, 3], "amplitude": told(f"1 if t > {BREAK} else 0")}]}
     _, states = moved(scene, 0.4, {"every": 4}, method="generalized_alpha", dt=2e-3)
     assert 1e-7 < states[-1].report["accuracy"]["estimate"] < 1e-3
+
+
+def test_the_log_of_steps_is_not_copied_at_every_break(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between stored states the log grows by doubling, so that n breaks cost no n^2."""
+    logs, rooms, collect = [], {}, stepping.Stepper._collect
+
+    def collected(self, *given):
+        collect(self, *given)
+        logs.append(self.pending)
+        room = self.pending if self.pending.base is None else self.pending.base
+        rooms[id(room)] = room
+
+    monkeypatch.setattr(stepping.Stepper, "_collect", collected)
+    zigzag = {"type": "table", "t": [k * 1e-3 for k in range(101)], "value": [(-1.0) ** k for k in range(101)]}
+    load = {"type": "force", "at": "a@1", "value": [0, 1], "amplitude": zigzag}
+    _, states = moved({**FREE, "loads": [load]}, 0.1, {"interval": 0.1}, dt=1e-3, method="radau5", estimate=False)
+    assert len(logs) >= 100
+    assert len(rooms) <= 2 + np.log2(len(logs))
+    np.testing.assert_allclose(states[-1].blocks["t"], np.linspace(1e-3, 0.1, 100), rtol=1e-12)

@@ -223,6 +223,16 @@ def test_a_bar_whose_uniform_strain_is_large_is_not_judged_by_a_linear_law(eleme
     assert not said(outcome)
 
 
+@pytest.mark.parametrize("stretch", [0.6, 1.7, 3.0])
+def test_a_rubber_bar_at_any_stretch_is_not_judged_by_a_linear_law(stretch: float) -> None:
+    """N^2/EA ds/2 is up to three times its energy; one element is exact."""
+    body = helpers.body(helpers.line(1.0), helpers.element("omar", 4, formulation="continuum"),
+                        {"height": 0.3, "width": 0.1}, {"E": 1e6, "nu": 0.0, "law": "neo_hooke"})
+    case = helpers.load({"b": body}, "static", bc=[{"type": "clamp", "at": "b@0", "hold": "breathe"},
+                                                   {"type": "prescribed", "at": "b@1", "ux": stretch - 1.0, "uy": 0.0}])
+    assert not said(run_case(case))
+
+
 @pytest.mark.parametrize("solver", ["linear_static", "static"])
 def test_natural_strains_that_bodies_follow_freely_are_not_judged_by_the_stress_they_leave(solver: str) -> None:
     """A bar whose temperature changes bends without section forces, to 3 % of where a fine mesh has it."""
@@ -281,7 +291,7 @@ def test_what_is_lifted_from_where_it_lies_is_still_judged() -> None:
     assert abs(1.0 - coarse / fine) > 0.08
 
 
-@pytest.mark.parametrize(("kind", "count", "told"), [("cable", 16, False), ("cable", 64, False),
+@pytest.mark.parametrize(("kind", "count", "told"), [("cable", 32, False), ("cable", 64, False),
                                                     ("reissner2", 1, True)])
 def test_a_body_that_stays_bent_is_not_judged_by_the_stress_that_is_left(kind: str, count: int, told: bool) -> None:
     """Let go beyond yield, it bears no section forces; what its elements store then is far below what bent it."""

@@ -106,6 +106,18 @@ def test_cantilever_with_a_dashpot_at_its_tip(element: str) -> None:
     assert np.all(np.diff(s.imag) > 0)
 
 
+@pytest.mark.parametrize("count", [10, 16])
+def test_a_very_short_element_costs_no_pair(count: int) -> None:
+    """Its stiffness in a large space leaves round-off of a per cent in low pairs, or their residuals too large."""
+    case = yaml.safe_load(DASHPOT.format(c=1))
+    case["springs"] += [{"type": "translational", "between": [f"beam@{s}", [0.6, -1]], "stiffness": 1e-9}
+                        for s in (0.6, 0.600015)]
+    summary = found(yaml.safe_dump(case), element=f"cable, count: {count}", modes=2)
+    s = eigenvalues(summary)
+    np.testing.assert_allclose(s, [dashpot_root(one, 1.0) for one in (-2.08 + 2.92j, -1.97 + 21.6j)], rtol=1e-4)
+    assert not summary["warnings"]
+
+
 def test_what_is_overdamped_has_real_eigenvalues_beside_the_pairs() -> None:
     summary = found(DASHPOT.format(c=10), modes=3)
     s = eigenvalues(summary)

@@ -212,9 +212,9 @@ def test_the_time_left_of_a_motion_counts_the_work_that_is_ahead_of_the_stored_s
     """
     run = Stepper.run
 
-    def stepped(stepper: Stepper) -> Any:
+    def stepped(stepper: Stepper, *most: float) -> Any:
         clock.now += 10.0 if stepper.dt == 0.005 else 5.0
-        return run(stepper)
+        return run(stepper, *most)
 
     def taken(state: Any) -> None:
         clock.now += 0.1

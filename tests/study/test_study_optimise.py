@@ -3,7 +3,7 @@
 import helpers as h
 import numpy as np
 import pytest
-from scipy.optimize import linprog, minimize
+from scipy.optimize import brentq, linprog, minimize
 
 import ancf2d
 from ancf2d.case.numbers import text_with
@@ -245,6 +245,28 @@ def test_a_search_that_loses_its_way_goes_on_in_a_box():
     # deflections shorten the arm of the load a little: nearly the lightest one of small deflections
     assert found.minimum == pytest.approx(strong(3, 300.0, 200e6)[0], rel=0.02)
     assert all(one["met"] for one in found.constraints)
+
+
+@pytest.mark.slow
+def test_a_step_to_a_design_that_collapses_is_shortened():
+    """Tip of a perfectly plastic cantilever: delta/delta_y = (5 - (3 + m) sqrt(3 - 2 m))/m^2 with m = P L/M_y.
+
+    The first step from the thick start goes to the lower bound, at 1/8 of the width that carries the load.
+    """
+    case = {"bodies": {"beam": h.body(h.line(1.0), h.element("reissner3", 2), {"height": 0.1, "width": 0.1},
+                                      {"E": 2e11, "nu": 0.3, "rho": 7850, "yield": 250e6})},
+            "boundary_conditions": [{"type": "clamp", "at": "beam@0"}], "solver": {"type": "static", "steps": 1},
+            "loads": [{"type": "follower_force", "at": "beam@1", "value": [0, -10e3]}],
+            "output": {"probes": {"tip": "beam@1"}}}
+    best = ancf2d.optimise(case, {"bodies.beam.section.width": (0.002, 0.1)}, "mass", "tip.uy >= -0.011")
+    assert best.found
+
+    def deflection(width):
+        m = 10e3 / (250e6 * width * 0.1**2 / 6)
+        return 250e6 * 2 / (3 * 2e11 * 0.1) * (5 - (3 + m) * np.sqrt(3 - 2 * m)) / m**2
+    width = best.rows[0]["value"]
+    assert best.minimum == pytest.approx(7850 * 0.1 * width)
+    assert width == pytest.approx(brentq(lambda w: deflection(w) - 0.011, 0.0165, 0.02), rel=0.03)
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -126,6 +127,19 @@ def test_internal_errors_cost_one_row(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweep_runs, "run_case", broken)
     row, = swept("bodies.beam.element.count=2").rows
     assert (row.status, row.reason) == ("failed", "internal error, please report: ZeroDivisionError: no")
+
+
+def test_garbage_is_not_looked_for_among_what_was_there_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    run, frozen = sweep_runs.run_case, list[int]()
+
+    def watched(*given: Any, **options: Any) -> Any:
+        frozen.append(gc.get_freeze_count())
+        return run(*given, **options)
+    monkeypatch.setattr(sweep_runs, "run_case", watched)
+    swept("bodies.beam.element.count=2,4")
+    assert len(frozen) == 2
+    assert min(frozen) > 10_000
+    assert gc.get_freeze_count() == 0
 
 
 def test_paths_that_do_not_exist_are_told_at_once_and_nothing_is_computed() -> None:

@@ -186,12 +186,13 @@ def test_a_motion_without_a_file_goes_on_from_its_checkpoint(folder: Path, monke
     times: list[float] = []
 
     class Stopped(checkpoint.CheckpointKeeper):
-        def append(self, *state: Any, **more: Any) -> None:
+        def keep(self, found: checkpoint.Checkpoint | None) -> None:
             self._due = 0.0 if self.resumed is None else math.inf
-            super().append(*state, **more)
-            times.append(state[0])
-            if more["checkpoint"] is not None and state[0] < 0.9 and self.resumed is None:
-                raise KeyboardInterrupt
+            super().keep(found)
+            if found is not None:
+                times.append(found.t)
+                if found.t < 0.9 and self.resumed is None:
+                    raise KeyboardInterrupt
 
     monkeypatch.setattr(checkpoint, "CheckpointKeeper", Stopped)
     with pytest.raises(KeyboardInterrupt):

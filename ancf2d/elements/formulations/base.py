@@ -41,8 +41,9 @@ class StrainLaw:
     lanes) = d eps_i/d eps; D slope must be symmetric. With new as old and the same strains, the state must not change.
     If internal strains are sums with cancellation, the next numbers of the state, one per strain, are the magnitudes
     of the summands: round-off is a share of them.
-    These functions may call other functions of numbers and arrays. If the law is ``timed``, the last number of the
-    state is the time since the last accepted state, which solvers set.
+    ``inelastic`` lists the strains that have internal parts, by default all: stations whose D is zero for these have no
+    state. These functions may call other functions of numbers and arrays. If the law is ``timed``, the last number of
+    the state is the time since the last accepted state, which solvers set.
     ``elastic``: internal strains depend on the present strains alone, so there is no state to keep.
     ``extra_energy(ref, D, eps, state)`` returns the stored energy (elements, stations) beyond eps^T D eps/2 of the
     stress-bearing strains eps (elements, stations, points strains); ref (stations, points, any), D (stations, points
@@ -60,6 +61,7 @@ class StrainLaw:
     quadratic: tuple[int, ...] = ()
     state: int = 0
     internal: Callable[..., Any] | None = None
+    inelastic: tuple[int, ...] = ()
     timed: bool = False
     elastic: bool = False
     extra_energy: Callable[[Any, Any, Any, Any], Any] | None = None

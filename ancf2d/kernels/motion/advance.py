@@ -74,7 +74,7 @@ class StepPlan(NamedTuple):
 
     smallest, largest : step sizes; fastest : rate [m/s] above which the motion counts as failed; tracks : whether
     loads, prescribed motion or dampers do work that must be summed; lands : whether steps end at the times of stored
-    states.
+    states; checks : whether ends of steps with states inside are stored, too.
     """
 
     t0: float
@@ -86,6 +86,7 @@ class StepPlan(NamedTuple):
     fastest: float
     tracks: bool
     lands: bool
+    checks: bool
 
 
 class Rows(NamedTuple):
@@ -346,15 +347,15 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             shorten(m, s, plan, NOT_CONVERGED, h, relative)
             continue
         inside, at_end = wanted_inside(rows, next_wanted, end, NEAR * h)
-        needed, left = inside + 1 if at_end or inside > 0 else 0, len(rows.t) - stored
-        if needed > left and stored > 0:
+        ends, left = at_end or (inside > 0 and plan.checks), len(rows.t) - stored
+        if inside + ends > left and stored > 0:
             # the next call repeats this step, with room for its (further) states
             return FULL, stored, logged, outcome, iterations
         for _ in range(min(inside, left)):
             _store_inside(m, p, w, s, at, plan, rows, stored, rows.wanted[next_wanted], t, h, logged)
             stored, next_wanted = stored + 1, next_wanted + 1
         set_history(m, p, h, 0.0)
-        if needed > left:
+        if inside + ends > left:
             return FULL, stored, logged, outcome, iterations
         s.numbers[WORK] += work
         s.numbers[LOST] += lost
@@ -371,8 +372,8 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         set_size(s, plan, h, relative, following)
         _log(s, rows.log[logged], end, h, iterations, relative, worst)
         logged += 1
-        if needed > 0 or (rows.every > 0 and s.numbers[COUNT] % rows.every == 0):
-            kind = CHECK if needed > 0 and not at_end else END
+        if ends or (rows.every > 0 and s.numbers[COUNT] % rows.every == 0):
+            kind = CHECK if ends and not at_end else END
             time = rows.wanted[next_wanted] if at_end else end
             _store(p, rows, stored, time, logged - 1, kind, s, s.numbers[WORK], s.numbers[LOST])
             stored, next_wanted = stored + 1, next_wanted + (1 if at_end else 0)

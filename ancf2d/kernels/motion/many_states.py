@@ -42,9 +42,11 @@ def _load_history(p, w, at, k):  # type: ignore[no-untyped-def]
 
 @kernel
 @seldom
-def read_states(p, w, side, onto, z, v, a, turns, feet, states,  # type: ignore[no-untyped-def]
+def read_states(p, w, every, side, onto, z, v, a, turns, feet, states,  # type: ignore[no-untyped-def]
                 d, rates, second, Q, energy):
     """Fill d, rates, second and Q = Q - F (m, n_full) with the full coordinates and forces of stored states.
+
+    If not ``every``, only d is filled, and the last three and energy are not used.
 
     z, v and a (m, n) are first corrected in place as ``onto`` (m,) says: AS_IS (not), RATES (projected onto the
     constraints) or POSITIONS (projected too); FORCES_ALONE only recomputes a and multipliers, from the equations of
@@ -55,6 +57,12 @@ def read_states(p, w, side, onto, z, v, a, turns, feet, states,  # type: ignore[
         copy_rows(turns[k], p.points.mem)
         copy_rows(feet[k], p.sliding.memory)
         copy(states[k], p.states)
+        if not every:
+            if onto[k] == POSITIONS:
+                calls.onto_constraints(p.calls, (p, w, z[k], v[k], a[k], side[k], True))
+            signals_at(p, side[k], w.amps)
+            to_full(p, z[k], w.amps, 0, d[k])
+            continue
         if onto[k] == FORCES_ALONE:
             rates_there, none = array_at(second[k], 0, v[k].shape), array_at(Q[k], 0, v[k].shape)
             copy(v[k], rates_there)

@@ -35,8 +35,9 @@ def write_csv(results: Results, path: Path, done: Done) -> None:
         f"{name}.{q}": values for name, table in results.probes.items() for q, values in table.items()}}
     columns = results.tables.get("response", columns)
     if len(columns) < 2:
-        raise ResultsError(f"'{results.path}' holds no values of probes; name points under output.probes in the case "
-                           "and run it again")
+        advice = ("'ancf2d plot FILE.h5 --data FILE.csv' writes the numbers of its figures, a suffix .json its tables"
+                  if not results.nt else "name points under output.probes in the case and run it again")
+        raise ResultsError(f"'{results.path}' holds no values of probes; {advice}")
     count = len(next(iter(columns.values())))
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")

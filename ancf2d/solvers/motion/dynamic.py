@@ -71,6 +71,7 @@ class Balance:
         self.model, self.stepper, self.energies = model, stepper, Energies(model)
         steady = [load for load in model.loads.dead if is_constant(load.amplitude)]
         self.dead, self.varies = constant_loads(model, steady), len(steady) < len(model.loads.dead)
+        self.floor = self._floor(self.dead)
         # whether laws store energy that their stress does not show
         self.stores_energy = any(pool.plan.formulation.law.extra_energy is not None for pool in model.pools)
         # [0] total at the start, [1] its largest change, [2] largest kinetic plus strain energy, [3] energy of springs
@@ -81,6 +82,10 @@ class Balance:
     def external(self, t: float) -> Array:
         """Return the dead loads (n_full,) at t."""
         return self.model.external(t) if self.varies else self.dead
+
+    def _floor(self, forces: Array) -> float:
+        """Return the work of forces (n_full,) on the round-off of positions: smaller energies count as zero."""
+        return least_motion(self.model) * largest_share(forces[:self.model.n_q], self.model.weights)
 
     def evaluate(self, row: Row) -> dict[str, float]:
         """Return the energies of a state, and update the error of the balance if the state is the end of a step."""
@@ -110,9 +115,8 @@ class Balance:
         if np.isnan(self.numbers[0]):
             self.numbers[0], self.numbers[3], self.numbers[5] = total, given, kept
         if row.kind != INSIDE:
-            # forces do some work on the round-off of positions: smaller energies count as zero
-            felt = largest_share(self.external(row.side)[:self.model.n_q], self.model.weights)
-            self.numbers[2] = max(self.numbers[2], least_motion(self.model) * felt)
+            floor = self._floor(self.external(row.side)) if self.varies else self.floor
+            self.numbers[2] = max(self.numbers[2], floor)
             self.numbers[1] = max(self.numbers[1], abs(total - self.numbers[0]))
             self.numbers[4] = max(self.numbers[4], total - self.numbers[0])
             self.numbers[2] = max(self.numbers[2], kinetic + strain)
@@ -179,17 +183,15 @@ class Run:
                 if row.kind == CHECK:
                     self.stepper.answers.update_model(row)
                     self.balance.evaluate(row)
-            rows, ends = [row for row in found if row.kind != CHECK], self.stepper.done
-            if self.inverted is None and rows:
-                # if any element is inverted, the states are searched one by one
-                self.intact = not any_inverted(self.model, np.array([self.stepper.full(row, 1)[0] for row in rows]))
+            ends = self.stepper.done
+            # the last state follows with the report
+            rows = [row for row in found if row.kind != CHECK and not (ends and row.t >= self.stepper.t)]
+            self._look_at(rows)
             for k, row in enumerate(rows):
-                began, beside = time.monotonic(), self._coarse_seconds()
+                began = time.monotonic()
                 # after a failure the last state may be amid an event: a resumed run repeats it from an earlier one
-                last = k == len(rows) - 1 and not ends and self.stepper.failed is None
-                if not ends or row.t < self.stepper.t:
-                    yield self.state(row, keep=last)
-                self._time_state(row.t, time.monotonic() - began - self._coarse_seconds() + beside)
+                yield self.state(row, keep=k == len(rows) - 1 and not ends and self.stepper.failed is None)
+                self._time_state(row.t, time.monotonic() - began)
         yield self._end()
 
     def begin(self) -> tuple[Array, Array, Array]:
@@ -214,9 +216,16 @@ class Run:
         else:
             self.state_pace.mark(t, self.state_pace.seconds + seconds)
 
-    def _coarse_seconds(self) -> float:
-        """Return the seconds spent on coarser motions."""
-        return 0.0 if self.estimate is None else sum(pace.seconds for pace in self.estimate.paces)
+    def _look_at(self, rows: list[Row]) -> None:
+        """Compare states with those of coarser motions, and see whether elements are intact in all of them."""
+        if not rows:
+            return
+        d = np.array([self.stepper.full(row, 1)[0] for row in rows])
+        # if any element is inverted, the states are searched one by one
+        self.intact = self.inverted is None and not any_inverted(self.model, d)
+        if self.estimate is not None:
+            steps = [row.log[-1, 0] if len(row.log) else 0.0 for row in rows]
+            self.estimate.take(np.array([row.t for row in rows]), d, np.array(steps))
 
     def _seconds_left(self) -> float | None:
         """Return the remaining seconds, with each part continuing at its own pace, or None if unknown."""
@@ -271,8 +280,6 @@ class Run:
         turned = self.model.turns.at(d, row.turned)
         state = State(row.t, d, Q, F, energies["strain"], turned, history=energies, v=v, a=a, blocks=blocks,
                       side=row.side, controllers=controllers)
-        if self.estimate is not None:
-            self.estimate.take(row.t, d, int(row.log[-1, 0]) if len(row.log) else 0)
         if keep:
             state.checkpoint = self.checkpoint()
         if time.monotonic() > self.time_left[1] + ESTIMATE_INTERVAL:
@@ -282,8 +289,9 @@ class Run:
 
     def _end(self) -> State:
         """Return the last state, with the report and the warnings about the whole motion."""
-        self.intact = False
-        state = self.state(self.stepper.last())
+        row = self.stepper.last()
+        self._look_at([row])
+        state = self.state(row)
         state.last = True
         numbers = self.stepper.s.numbers
         assert state.v is not None

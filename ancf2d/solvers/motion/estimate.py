@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
@@ -17,13 +18,12 @@ from ...kernels.motion.switching import FIXED_STEP_GAP
 from ...model.mesh import Index
 from ...model.model import Model
 from ...model.rotation import CoordinateKinds
-from ...model.timing import rates_of
 from ...pace import Pace
 from ...processors import threads
 from ..state import Row
 from ..system import least_motion, least_size, sticks
-from .schemes import INTEGRATORS, default_method
 from .stepping import Stepper
+from .tolerance_warning import missed_tolerance
 
 LEVELS = 2
 # factor between levels: of fixed steps, or of the tolerance of adaptive steps
@@ -35,8 +35,6 @@ FALLS = 3.0
 # bound on the error, as a multiple of the difference, if steps are hardly longer, as where Newton's method limits them;
 # smaller for fixed steps, because each level cuts these at other places, so that errors of levels differ more
 LARGEST = {DOUBLE: 2.0, TENFOLD: 4.0}
-# if ten times the tolerance changes the error by less than this factor, the error does not depend on it
-ASYMPTOTIC = 2.0**0.5
 # two levels have the same steps if those of the finer one are longer than this share of the coarser one's; differences
 # between such levels mean nothing if they are below this share of the displacements
 ALIKE, TELLING = 0.8, 1e-9
@@ -44,8 +42,6 @@ ALIKE, TELLING = 0.8, 1e-9
 SEEN = 40
 # a level of fixed steps is abandoned with more steps than this, and than this multiple of the next finer level's
 MANY, DIVIDED = 500, 4.0
-# multiple of the tolerance above which errors cause a warning
-MISSED = 10.0
 # with fewer steps than this between two breaks, steps of twice the length are cut to the same length
 BROKEN = 4
 
@@ -73,9 +69,10 @@ class Estimate:
         self.largest = np.zeros((LEVELS, len(columns) // 2))
         self.moved = np.zeros(len(columns) // 2)
         self.failed = ""
-        self.levels, self.made, self.own = LEVELS, np.zeros((LEVELS, 2)), 0
-        # states of coarser motions not compared yet: time, number of steps, displacements of probes; their step counts
-        self.queues: list[list[tuple[float, int, Array]]] = [[] for _ in range(LEVELS)]
+        self.levels, self.made, self.own = LEVELS, np.zeros((LEVELS, 2)), 0.0
+        # states of coarser motions since the last one compared (m, 2 + 2 probes): time, number of steps, displacements
+        # of probes; their step counts
+        self.queues = [np.zeros((0, 2 + len(columns))) for _ in range(LEVELS)]
         self.counts = [0] * LEVELS
         self.coarse = [self._level(self.factor ** (k + 1)) for k in range(LEVELS)]
         self.paces = [Pace() for _ in self.coarse]
@@ -89,6 +86,8 @@ class Estimate:
         out = Stepper(fine.model, fine.problem, fine.signals, spec, factor * fine.dt, fine.wanted)
         # storing states must not shorten the steps
         out.ends_at_states = False
+        # the displacements of states are enough
+        out.reads_forces = False
         # joints are checked in all states
         out.keeps_checks = bool(fine.facing) or len(fine.p.sliding.multiplier) > 0
         return out
@@ -108,43 +107,77 @@ class Estimate:
             self.pool = ThreadPoolExecutor(LEVELS)
         for level, stepper in enumerate(self.coarse[:self.levels]):
             if level not in self.ahead and not stepper.done and stepper.failed is None:
-                self.ahead[level] = self.pool.submit(stepper.run), stepper.t
+                self.ahead[level] = self.pool.submit(stepper.run, self._most(level)), stepper.t
 
-    def take(self, t: float, d: Array, steps: int) -> None:
-        """Compare with a state of the motion at t; skip the start and times that coarser motions do not store.
+    def take(self, times: Array, d: Array, steps: Array) -> None:
+        """Compare with states of the motion, displacements d (m, n_full) at ``times`` (m,).
 
-        ``steps``: those of the motion up to t, or 0 if none was made since the last state.
+        ``steps`` (m,) : those of the motion up to then, or 0 if none was made since the state before. The start is
+        skipped, and times that coarser motions do not store.
         """
-        self.own = max(self.own, steps)
-        if t == 0.0 or self.failed:
-            return
+        own = np.maximum.accumulate(np.maximum(steps, self.own))[times > 0.0]
+        d, times = d[times > 0.0], times[times > 0.0]
         here = self._places(d)
-        self.moved = np.maximum(self.moved, np.hypot(*here))
-        for k in range(self.levels):
-            there = self._coarse_places(k, t)
-            if there is None:
-                return
-            self.largest[k] = np.maximum(self.largest[k], np.hypot(*(there - here)))
-            here = there
-        self._give_up()
+        while len(times) and not self.failed:
+            for level in range(self.levels):
+                self._reach(level, float(times[0]))
+            # as far as all motions are
+            ends = [math.inf if one.done else queue[-1, 0] + self._near(level) for level, (one, queue) in enumerate(
+                zip(self.coarse[:self.levels], self.queues, strict=False))]
+            count = int(np.searchsorted(times, min(ends), side="right"))
+            if not self.failed:
+                self._compare(times[:count], here[:count], own[:count])
+            times, here, own = times[count:], here[count:], own[count:]
 
-    def _give_up(self) -> None:
-        """Abandon the second level if its steps are no longer and its differences no larger than those of the first.
+    def _compare(self, times: Array, here: Array, own: Array) -> None:
+        """Compare with places (m, 2 probes) at times that all motions have passed, with ``own`` (m,) steps until then.
 
-        Abandon levels of fixed steps that are divided so often that there are many more of them than of finer ones.
+        A level is abandoned at the first state where it is of no use.
         """
-        if self.factor == DOUBLE:
-            steps = [self.own, *self.made[:self.levels, 1]]
-            divided = [k for k in range(self.levels) if steps[k + 1] > max(MANY, DIVIDED * steps[k])]
-            self.levels = min(divided, default=self.levels)
+        stored, finer, made = np.ones(len(times), dtype=bool), here, np.zeros((self.levels, len(times), 2))
+        gaps = np.zeros((self.levels, len(times), len(self.moved)))
+        for level in range(self.levels):
+            queue, near = self.queues[level], self._near(level)
+            index = np.minimum(np.searchsorted(queue[:, 0], times - near), len(queue) - 1)
+            stored &= np.abs(queue[index, 0] - times) <= near
+            made[level], there = queue[index, :2], queue[index, 2:]
+            gaps[level], finer = _sizes(there - finer), there
+            self.queues[level] = queue[index[-1]:]
+        gaps[:, ~stored] = 0.0
+        moved = np.maximum.accumulate(np.vstack([self.moved, _sizes(here)]))[1:]
+        largest = np.maximum.accumulate(np.concatenate([self.largest[:self.levels, None], gaps], axis=1), axis=1)[:, 1:]
+        last = [len(times) - 1] * self.levels
+        vain = stored & self._is_vain(made, own, moved, largest)
+        if vain.any():
+            k = int(np.argmax(vain.any(axis=0)))
+            self.levels = int(np.argmax(vain[:, k]))
+            last[self.levels:] = [k] * (len(last) - self.levels)
             self._check_left()
-            return
-        if self.levels < LEVELS:
-            return
-        longer, longest = self._lengths()
-        fine, rough = self._differences()
-        if self.made[-1, 1] >= SEEN and longer > ALIKE * longest and rough < FALLS * fine:
-            self.levels = 1
+        self.own = float(own[-1])
+        self.moved = moved[-1]
+        for level, k in enumerate(last):
+            self.largest[level] = largest[level, k]
+            if stored[:k + 1].any():
+                self.made[level] = made[level, np.flatnonzero(stored[:k + 1])[-1]]
+
+    def _is_vain(self, made: Array, own: Array, moved: Array, largest: Array) -> Array:
+        """Return whether levels are of no use (levels, m) after the times and steps ``made`` (levels, m, 2).
+
+        Fixed steps: they are divided so often that there are many more of them than of finer ones. Adaptive steps: SEEN
+        of the second level are no longer, and its differences no larger, than those of the first.
+        """
+        steps, found = made[..., 1], np.zeros(made.shape[:2], dtype=bool)
+        if self.factor == DOUBLE:
+            return np.asarray(steps > np.maximum(MANY, DIVIDED * np.vstack([own, steps[:-1]])))
+        if self.levels == LEVELS:
+            longer, longest = made[..., 0] / np.maximum(steps, 1.0)
+            fine, rough = self._differences(moved, largest)
+            found[-1] = (steps[-1] >= SEEN) & (longer > ALIKE * longest) & (rough < FALLS * fine)
+        return found
+
+    def _near(self, level: int) -> float:
+        """Return the difference of times [s] that are the same."""
+        return 1e-9 * self.coarse[level].dt or 1e-12 * self.stepper.spec.t_end
 
     def _check_left(self) -> None:
         """Fail if no level is left."""
@@ -157,44 +190,45 @@ class Estimate:
         return [float(t / max(steps, 1.0)) for t, steps in self.made]
 
     def _places(self, d: Array) -> Array:
-        """Return the displacements (2, probes) of the probes."""
-        found: Array = np.add.reduceat(self.weights * d[self.coords], self.starts)
-        return found.reshape(-1, 2).T
+        """Return the displacements (m, 2 probes) of the probes, x and y in turn."""
+        found: Array = np.add.reduceat(self.weights * d[:, self.coords], self.starts, axis=1)
+        return found
 
-    def _coarse_places(self, level: int, t: float) -> Array | None:
-        stepper, queue = self.coarse[level], self.queues[level]
-        near = 1e-9 * self.stepper.dt or 1e-12 * self.stepper.spec.t_end
-        while not queue or queue[-1][0] < t - near:
-            if level not in self.ahead and stepper.done and queue and queue[-1][0] >= stepper.t:
+    def _reach(self, level: int, t: float) -> None:
+        """Let a coarser motion go on until it has passed t, has ended, or has failed."""
+        stepper, near = self.coarse[level], self._near(level)
+        while not self.failed and not (len(self.queues[level]) and self.queues[level][-1, 0] >= t - near):
+            if level not in self.ahead and stepper.done and len(self.queues[level]) and (
+                    self.queues[level][-1, 0] >= stepper.t):
                 # a coarser motion may end before this one
-                return None
-            if not self._go_on(level):
-                return None
+                return
+            self._go_on(level)
             self._go_ahead()
-        while queue and queue[0][0] < t - near:
-            queue.pop(0)
-        if not queue or queue[0][0] > t + near:
-            return None
-        self.made[level] = queue[0][:2]
-        return queue[0][2]
 
-    def _go_on(self, level: int) -> bool:
-        """Append the states of the next run of a coarser motion; return False if it failed."""
-        stepper, queue = self.coarse[level], self.queues[level]
+    def _most(self, level: int) -> float:
+        """Return the largest number of steps of the next run: the second level may be abandoned after a few steps."""
+        undecided = self.factor != DOUBLE and level == LEVELS - 1 and self.made[level, 1] < 2 * SEEN
+        return SEEN / 4 if undecided else math.inf
+
+    def _go_on(self, level: int) -> None:
+        """Append the states of the next run of a coarser motion, or store why it failed."""
+        stepper = self.coarse[level]
         run, since = self.ahead.pop(level, (None, stepper.t))
         try:
             with self.paces[level].running():
-                rows = run.result() if run else [stepper.last()] if stepper.done else stepper.run()
+                rows = run.result() if run else [stepper.last()] if stepper.done else stepper.run(self._most(level))
         except ComputationError as error:
             how = f"steps of {stepper.dt:g} s" if stepper.dt > 0.0 else f"a tolerance of {stepper.tolerance:g}"
             self.failed = f"with {how} the motion could not be computed ({error.failure.reason})"
-            return False
+            return
         self.paces[level].mark(stepper.t, within=step_ends(stepper, since, rows))
-        for row in rows:
-            self.counts[level] += len(row.log)
-            if row.kind != CHECK:
-                queue.append((row.t, self.counts[level], self._places(stepper.full(row, 1)[0])))
-        return True
+        counts = self.counts[level] + np.cumsum([len(row.log) for row in rows], dtype=int)
+        self.counts[level] = int(counts[-1]) if rows else self.counts[level]
+        kept = [(row, count) for row, count in zip(rows, counts, strict=True) if row.kind != CHECK]
+        if kept:
+            made = np.array([(row.t, count) for row, count in kept])
+            places = self._places(np.array([stepper.full(row, 1)[0] for row, _ in kept]))
+            self.queues[level] = np.concatenate([self.queues[level], np.hstack([made, places])])
 
     def report(self) -> dict[str, Any]:
         """Return the relative error estimate, the observed order (fixed steps only), and how they were found."""
@@ -202,20 +236,23 @@ class Estimate:
         return {"estimate": estimate, "order": order if self.factor == DOUBLE else None, "of": "time steps",
                 "steps": int(self.made[:, 1].sum())}
 
-    def _differences(self) -> tuple[float, float]:
-        """Return the largest difference of each level, relative to the displacements."""
-        size = np.where(self.moved > least_motion(self.stepper.model), self.moved, np.inf)
+    def _differences(self, moved: Array, largest: Array) -> Array:
+        """Return the largest difference (levels, ...) of each level, relative to the displacements.
+
+        ``moved`` (..., probes) and ``largest`` (levels, ..., probes) are as in the class.
+        """
+        size = np.where(moved > least_motion(self.stepper.model), moved, np.inf)
         if self.factor != DOUBLE and sticks(self.stepper.model):
             # vibrations of the springs that hold sticking points weigh no more here than in the step size control
             size = np.maximum(size, least_size(self.stepper.model, self.stepper.tolerance))
-        fine, rough = (float(np.max(row / size, initial=0.0)) for row in self.largest)
-        return fine, rough
+        found: Array = np.max(largest / size, axis=-1, initial=0.0)
+        return found
 
     def _richardson(self) -> tuple[float | None, float | None]:
         """Return the error extrapolated from three levels, and the observed power of the factor between them."""
         if self.failed or self._alike():
             return None, None
-        fine, rough = self._differences()
+        fine, rough = map(float, self._differences(self.moved, self.largest))
         # part of the error in locating contacts that open and close is the same at all levels
         located = float(self.stepper.s.numbers[SWITCHED]) if self.factor == DOUBLE else 0.0
         if fine == 0.0:
@@ -250,7 +287,8 @@ class Estimate:
             return ["no error estimate: longer steps had to be divided into the same steps, or there are too few "
                     "steps. Use smaller steps"]
         if self.failed:
-            return [f"no error estimate: {self.failed}. Use {self._finer}"]
+            finer = "smaller steps" if self.factor == DOUBLE else "a smaller tolerance"
+            return [f"no error estimate: {self.failed}. Use {finer}"]
         estimate, order = self._richardson()
         if self.factor == DOUBLE and estimate and estimate > 1e-3:
             why = "longer steps had to be divided" if self.levels < LEVELS else ""
@@ -258,55 +296,7 @@ class Estimate:
                 why = f"differences from runs with longer steps show order {order:.1f} instead of {self.order}"
             return [f"the steps are too large for this motion: {why}; the error may be as large as "
                     f"{100 * estimate:.2g} %"] if why else []
-        return [] if self.factor == DOUBLE or not estimate else self._missed(estimate, order or 0.0)
-
-    def _missed(self, estimate: float, order: float) -> list[str]:
-        """Return a warning that the error is far above the tolerance, and whether steps or motion cause it.
-
-        ``order``: the observed power of the tolerance with which errors grow.
-        """
-        case, tolerance, count = self.stepper.model.case, self.stepper.tolerance, int(self.stepper.s.numbers[COUNT])
-        # no warning for the default tolerance, nor where the accuracy control judges the runs itself
-        asked = getattr(case.solver, "tolerance", None) is not None and case.accuracy is None
-        if estimate <= MISSED * tolerance or not asked:
-            return []
-        said = (f"the tolerance is missed: the estimated error is {estimate:.2g} of the largest displacements, "
-                f"{estimate / tolerance:.0f} times the tolerance {tolerance:g}. ")
-        if estimate <= count * tolerance and self.factor ** order < ASYMPTOTIC:
-            return [said + "Ten times the tolerance gives about the same error: the steps skip fast vibrations, which "
-                    "only a much smaller tolerance resolves. If these vibrations do not matter, use a larger tolerance"
-                    + self._better() + self._jump()]
-        if estimate <= count * tolerance:
-            # a tolerance between half and the range of the levels, over which the power was observed
-            share = (MISSED * tolerance / estimate) ** (1.0 / min(order, self.order))
-            share = max(min(share, 0.5), self.factor ** -LEVELS)
-            return [said + "Each step meets the tolerance, but the errors add up. Use a tolerance of about "
-                    f"{share * tolerance:.1g}" + self._better() + self._jump()]
-        # errors that do not grow add up to at most the number of steps times the tolerance
-        return [said + "The errors grow, because the motion is sensitive to its initial state, like chaotic motions. A "
-                "smaller tolerance only postpones the time from which the motion is unreliable; its statistics may "
-                "still be right"]
-
-    def _better(self) -> str:
-        """Return advice to use the recommended method if its order is higher: it errs less with fewer steps."""
-        best = INTEGRATORS[default_method(self.stepper.model)]
-        better = best.order > self.stepper.method.order
-        return f". Method {best.name} has a smaller error with fewer steps" if better else ""
-
-    def _jump(self) -> str:
-        """Return a hint if a prescribed motion starts a model at rest with a jump of velocity, like an impact."""
-        model = self.stepper.model
-        # moving obstacles move nothing before they touch
-        obstacles = [s for pair in model.contacts for s in pair.signal or ()]
-        signals = [self.stepper.signals[k] for k in self.stepper.driving]
-        if model.case.initial is not None or not any(rates_of(s, 0.0)[0] for s in signals if s not in obstacles):
-            return ""
-        return (". A prescribed motion begins at full speed, which excites vibrations like an impact. Let it begin "
-                "gradually, or give initial velocities")
-
-    @property
-    def _finer(self) -> str:
-        return "smaller steps" if self.factor == DOUBLE else "a smaller tolerance"
+        return [] if self.factor == DOUBLE or not estimate else missed_tolerance(self.stepper, estimate, order or 0.0)
 
     # ------------------------------------------------------------------ checkpoints
 
@@ -320,8 +310,7 @@ class Estimate:
                "estimate_made": self.made.copy(), "estimate_counts": np.array([self.levels, *self.counts])}
         for k, stepper in enumerate(self.coarse):
             out.update({f"coarse{k}_{name}": value for name, value in (stepper.checkpoint() or {}).items()})
-            out[f"coarse{k}_queue"] = np.array([[*made, *places.ravel()] for *made, places in self.queues[k]]).reshape(
-                -1, 2 + 2 * len(self.moved))
+            out[f"coarse{k}_queue"] = self.queues[k]
         self._go_ahead()
         return out
 
@@ -334,7 +323,12 @@ class Estimate:
         for k, stepper in enumerate(self.coarse):
             head = f"coarse{k}_"
             stepper.resume({name[len(head):]: v for name, v in kept.items() if name.startswith(head)})
-            self.queues[k] = [(float(r[0]), int(r[1]), r[2:].reshape(2, -1)) for r in kept[head + "queue"]]
+            self.queues[k] = kept[head + "queue"]
+
+
+def _sizes(places: Array) -> Array:
+    """Return the lengths (m, probes) of vectors (m, 2 probes)."""
+    return np.hypot(places[:, ::2], places[:, 1::2])
 
 
 def _order(ratio: float, first: float, second: float, highest: int) -> float:

@@ -55,6 +55,17 @@ def check_joints(motion: Any, row: Row) -> None:
         raise [c for c in motion.model.constraints if isinstance(c, OnAxis)][bad].lost(t=row.t)
 
 
+def cut_off(motion: Any, found: list[Row]) -> None:
+    """Drop states from the first one on in which a joint has lost its meaning, and let the motion fail there."""
+    # only stored states and the last one: the other ends of calls depend on the clock
+    for k, row in enumerate([*found, motion.current_row()] if motion.done else found):
+        try:
+            check_joints(motion, row)
+        except ComputationError as error:
+            motion.failed, found[k:] = error, []
+            return
+
+
 def fastest(motion: Any) -> float:
     """Return the rate [m/s] at which a motion would cover FAR times the model's size within the time of the case."""
     return FAR * float(motion.p.extent) / float(motion.model.case.solver.t_end)

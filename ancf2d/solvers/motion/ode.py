@@ -155,8 +155,8 @@ class OdeStepper(Stepper):
 
     # ------------------------------------------------------------------ stepping
 
-    def _go(self, found: list[Row]) -> None:
-        """Step for about a fifth of a second and append the states."""
+    def _go(self, found: list[Row], most: float) -> None:
+        """Step for about a fifth of a second and append the states; there are no coarser motions that count steps."""
         started = time.perf_counter()
         while not self.done:
             stop = self.pieces[self.piece].stop
@@ -376,8 +376,7 @@ class OdeStepper(Stepper):
         place(at, self.free, y)
         accelerations(self.p, self.w, self.factors, at, t)
         log = [] if kind == CHECK else self.log
-        found.append(self._row(float(t), kind, at.z, at.v, at.a, work, *self._memory(), turned,
-                               np.array(log).reshape(-1, len(LOG))))
+        found.append(self._row(float(t), kind, at.z, at.v, at.a, work, turned, np.array(log).reshape(-1, len(LOG))))
         self.log = self.log[len(log):]
 
     def last(self) -> Row:

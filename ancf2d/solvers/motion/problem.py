@@ -219,7 +219,7 @@ def with_own_tables(problem: Record, model: Model) -> Record:
     if len(p.facing.item):
         # contact points write the element that they are opposite to
         points = with_own(points, "dofs", "G", "p0", "par")
-        changes["facing"] = with_own(p.facing, "now", "boxes")
+        changes["facing"] = with_own(p.facing, "now", "chords", "boxes")
     feedback = with_own(p.feedback, "last_angle", "scale", "values", "slopes", "rates", "full", "column", "watched")
     return problem.replaced(
         groups, **changes, groups=addresses(groups), states=states, prescribed=prescribed, slopes=slopes,
@@ -287,14 +287,14 @@ def _called_from_python(P: Any, own: bool, slides: bool, sided: bool) -> list[Co
     signatures: dict[Any, tuple[Any, ...]] = {
         consistent: (P, W, _x, _x, _x, _f, _x), kinetic: (P, W, M, _f), fill_full: (P, _x, _xx, _i, _x),
         signals_at: (P, _f, _xx), count_turns: (P.place["turning"][1], _x, _x, _f, _x, _x),
-        read_states: (P, W, _x, _n, *[_xx] * 3, *[types.float64[:, :, ::1]] * 2, *[_xx] * 6)}
+        read_states: (P, W, types.boolean, _x, _n, *[_xx] * 3, *[types.float64[:, :, ::1]] * 2, *[_xx] * 6)}
     if sided:
         signatures[consistent_start] = signatures[consistent]
     if slides:
         signatures[sliding_check] = P.place["sliding"][1], _x
     if own:
         rows, method = type_of(_no_rows()), type_of(method_of(0, np.zeros((0, 0)), 0))
-        plan = type_of(StepPlan(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, False))
+        plan = type_of(StepPlan(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, False, False))
         signatures[advance] = method, P, W, M, M, plan, rows, _i, _i
     else:
         signatures |= {

@@ -148,7 +148,8 @@ def _without_gradient(scheme: Integrator, spec: Dynamic, model: Model) -> Iterat
     """Refuse energy conservation for strains that depend on an angle: they are not quadratic in the coordinates."""
     if not scheme.conserves:
         return
-    names = [m.plan.name for m in model.meshes.values() if not m.plan.rigid and m.plan.formulation.law.mean is None]
+    names = [m.plan.name for m in model.meshes.values() if not m.plan.rigid and m.plan.formulation.law.mean is None
+             and m.plan.name not in model.remembers]
     if names:
         formulations = sorted({model.meshes[n].plan.formulation.name for n in names})
         yield ("method", f"{scheme.name} has no energy-conserving forces for formulation "

@@ -32,11 +32,11 @@ from ...model.breakpoints import MotionPiece, motion_pieces, piece_at
 from ...model.model import Model
 from ...model.point_patch import PointConstraint
 from ...model.timing import Signal
-from ..state import MEMORIES, Row
+from ..state import MEMORIES, Row, with_rows
 from ..system import least_size
 from .breaks import MovingPoints, impulse_of_dependents, pass_break
 from .events import Events
-from .failures import check_joints, check_signals, failure, fastest
+from .failures import check_signals, cut_off, failure, fastest
 from .feedback import Answers
 from .impacts import COLUMNS, Impacts
 from .initial import continues_from_file
@@ -54,9 +54,9 @@ LOG = ("step", "t", "dt", "iterations", "rejected", "error", "violation")
 class Stepper:
     """A motion in progress. ``dt`` 0: adaptive steps under ``tolerance``; ``wanted``: times of states."""
 
-    # adaptive steps start with the size of the motion given to ``set_size``
-    looks_ahead = True
+    looks_ahead = True  # whether adaptive steps start with the size of the motion given to ``set_size``
     keeps_checks = True  # whether states between the wanted ones are stored for the energy balance
+    reads_forces = True  # whether forces and energies of stored states are computed at once, or displacements alone
 
     def __init__(self, model: Model, problem: Record, signals: list[Signal], spec: Dynamic, dt: float,
                  wanted: Array, every: int = 0) -> None:
@@ -98,8 +98,10 @@ class Stepper:
 
     @cached_property
     def evaluation_problem(self) -> Record:
-        """The problem with which stored states are evaluated, with their history variables."""
-        return with_own_tables(self.problem, self.model)
+        """The problem with which stored states are evaluated: one of its own if these differ in more than z, v, a."""
+        feedback = self.model.feedback
+        differ = len(self.pieces) > 1 or self.p.patched or len(self.p.states) or feedback.rank or feedback.conditions
+        return with_own_tables(self.problem, self.model) if differ else self.p
 
     def tighten(self, tolerance: float) -> None:
         """Set the tolerance of Newton's increments, relative to the size of the motion."""
@@ -185,11 +187,6 @@ class Stepper:
         count_turns(self.p.turning, d, rates, h, *out)
         return out
 
-    def _restart(self) -> None:
-        """Restart the method from the current state."""
-        if self.m is not None:
-            self.m.restart(self.s)
-
     def first_step(self) -> float:
         """Return a first step in which little changes, by rates, accelerations and damping losses at the start."""
         weights = self.p.weights
@@ -206,6 +203,11 @@ class Stepper:
 
     def _largest(self) -> float:
         return self.spec.t_end / (50.0 if len(self.pieces) > 1 or self.tracks_work else 10.0)
+
+    def _restart(self) -> None:
+        """Restart the method from the current state."""
+        if self.m is not None:
+            self.m.restart(self.s)
 
     def set_size(self, size: float) -> None:
         """Set the displacement [m] that local errors of adaptive steps are relative to, at least."""
@@ -224,8 +226,8 @@ class Stepper:
         inner = self.p.inner
         return float(np.max(self.p.weights[:inner] * np.abs(self.s.z[:inner]), initial=0.0))
 
-    def run(self) -> list[Row]:
-        """Step for about a fifth of a second; return the states stored meanwhile.
+    def run(self, most: float = np.inf) -> list[Row]:
+        """Step for about a fifth of a second, at most so many steps; return the states stored meanwhile.
 
         Raises ComputationError if the motion cannot go on, once the states before have been returned.
         """
@@ -233,30 +235,21 @@ class Stepper:
             raise self.failed
         found: list[Row] = []
         try:
-            self._go(found)
+            self._go(found, most)
         except ComputationError as error:
             self.failed = error
-        self._cut_off(found)
+        cut_off(self, found)
         if self.failed is not None and not found:
             raise self.failed
         return found
 
-    def _cut_off(self, found: list[Row]) -> None:
-        """Drop states from the first one on in which a joint has lost its meaning, and fail there."""
-        # only stored states and the last one: the other ends of calls depend on the clock
-        for k, row in enumerate([*found, self.current_row()] if self.done else found):
-            try:
-                check_joints(self, row)
-            except ComputationError as error:
-                self.failed, found[k:] = error, []
-                return
-
-    def _go(self, found: list[Row]) -> None:
-        """Step for about a fifth of a second and append the states."""
+    def _go(self, found: list[Row], most: float) -> None:
+        """Make the steps of ``run`` and append the states."""
         started = time.perf_counter()
-        while not self.done:
+        while not self.done and most > 0:
             began = time.perf_counter()
-            why, logged = self.advance(found, self.steps)
+            why, logged = self.advance(found, int(min(self.steps, most)))
+            most -= logged
             if logged > 0:  # adapt the duration of the next call; results do not depend on it
                 steps = CHUNK_SECONDS * logged / max(time.perf_counter() - began, 1e-6)
                 self.steps = int(min(max(steps, 1), 4 * self.steps, LOG_ROWS))
@@ -277,7 +270,7 @@ class Stepper:
         assert self.m is not None
         stop, end = self.pieces[self.piece].stop, self.spec.t_end
         plan = kernels.StepPlan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), fastest(self),
-                            self.tracks_work, self.ends_at_states)
+                            self.tracks_work, self.ends_at_states, self.keeps_checks)
         self._plan = self._plan if self._plan is not None and self._plan.values == plan else Record(plan)
         why, stored, logged, outcome, _ = kernels.advance(
             self.m.record, self.p, self.w, self.s, self._at, self._plan, self.rows, self.next_wanted, steps)
@@ -293,41 +286,35 @@ class Stepper:
     def _collect(self, found: list[Row], stored: int, logged: int) -> None:
         """Append the states of a call, each with the log of the steps up to it."""
         log, first, rows, piece = self.impacts.take(self.rows.log[:logged]), 0, [], self.pieces[self.piece]
-        log = np.vstack([self.pending, log])
+        log = with_rows(self.pending, log)
         t, number, kind, z, v, a, work, *memory = (x[:stored].copy() for x in self.rows.values[2:-1])
         side = np.clip(t, piece.first, piece.last)
         for k, end in enumerate((len(self.pending) + number + 1).tolist()):
             last = first if kind[k] == kernels.CHECK else max(min(end, len(log)), first)
             rows.append(Row(float(t[k]), float(side[k]), int(kind[k]), z[k], v[k], a[k], *work[k].tolist(),
-                            *(x[k] for x in memory), log[first:last]))  # type: ignore[call-arg]
+                            *(x[k] for x in memory), log[first:last].copy()))  # type: ignore[call-arg]
             first = last
         if rows and not self.answers.counts_angles:
             self._switch_items(self.evaluation_problem, piece)
-            self._read(rows, side, kind, z, v, a, *memory[:3])
-        found += [row for row in rows if self.keeps_checks or row.kind != kernels.CHECK]
-        self.pending = log[first:]
+            self._read(self.reads_forces, rows, side, kind, z, v, a, *memory[:3])
+        found += rows
+        self.pending = log[first:].copy() if first else log
         self.next_wanted += 0 if self.every else int(np.count_nonzero(kind != kernels.CHECK))
 
-    def _row(self, t: float, kind: int, z: Array, v: Array, a: Array, work: Array, turns: Array, feet: Array,
-             states: Array, turned: Array, log: Array) -> Row:
-        """Return a state in the current piece of the motion."""
-        first, last, _ = self.pieces[self.piece]
-        return Row(t, min(max(t, first), last), kind, z.copy(), v.copy(), a.copy(), float(work[0]), float(work[1]),
-                   turns.copy(), feet.copy(), states.copy(), turned.copy(), log)
+    def _read(self, every: bool, rows: list[Row], side: Array, kind: Array, *columns: Array) -> None:
+        """Add full coordinates to stored states, with forces and energies if ``every``, else displacements alone.
 
-    def _read(self, rows: list[Row], side: Array, kind: Array, *columns: Array) -> None:
-        """Add full coordinates, forces and energies to stored states; columns are z, v, a and history variables.
-
-        Projected states keep the z, v and a of their step, which derivatives need.
+        Columns are z, v, a and history variables. Projected states keep the z, v and a of their step, which derivatives
+        need.
         """
-        full, energy = np.zeros((4, len(rows), len(self.p.place))), np.zeros((len(rows), 2))
+        energy, full = np.zeros((len(rows), 2)), np.zeros((4 if every else 1, len(rows), len(self.p.place)))
         onto = np.where(kind == kernels.INSIDE, self.projection_inside, self.projection_at_ends)
         if onto.any():
             columns = *(x.copy() for x in columns[:3]), *columns[3:]
-        read_states(self.evaluation_problem, self.w, side, onto, *columns, *full, energy)
-        n = len(self.model.numbering.place)
-        for row, d, rates, second, Q, one in zip(rows, *full[..., :n], energy, strict=True):
-            row.full, row.energy = (d, rates, second, Q), (float(one[0]), float(one[1]))
+        read_states(self.evaluation_problem, self.w, every, side, onto, *columns, *(full if every else [full[0]] * 4),
+                    energy)
+        for row, one, *found in zip(rows, energy, *full[..., :len(self.model.numbering.place)], strict=True):
+            row.full, row.energy = tuple(found), (float(one[0]), float(one[1]))
 
     def enter(self, piece: int) -> None:
         """Switch signals and active items to a piece of the motion."""
@@ -340,19 +327,26 @@ class Stepper:
         self.events.enter(p, piece)
         self.moving.enter(p, piece, self.events.acts)
 
+    def _row(self, t: float, kind: int, z: Array, v: Array, a: Array, work: Array, turned: Array, log: Array) -> Row:
+        """Return a state in the current piece of the motion, with the present history variables."""
+        first, last, _ = self.pieces[self.piece]
+        turns, feet, states = self._memory()
+        return Row(t, min(max(t, first), last), kind, z.copy(), v.copy(), a.copy(), float(work[0]), float(work[1]),
+                   turns.copy(), feet.copy(), states.copy(), turned.copy(), log)
+
     def current_row(self) -> Row:
+        """Return the state at the time reached."""
         s = self.s
-        return self._row(self.t, kernels.END, s.z, s.v, s.a, s.numbers[[WORK, LOST]], *self._memory(), s.turned[0],
-                         self.pending)
+        return self._row(self.t, kernels.END, s.z, s.v, s.a, s.numbers[[WORK, LOST]], s.turned[0], self.pending)
 
     def last(self) -> Row:
         """Return the state at the time reached, with the rest of the log."""
-        row, self.pending = self.current_row(), self.pending[:0]
+        row, self.pending = self.current_row(), self.pending[:0].copy()
         return row
 
     def full(self, row: Row, orders: int = 3) -> list[Array]:
         """Return d, v, a (n_full,) of a stored state, or only the first ``orders``, projected onto the constraints."""
-        return list(self.completed(row).full[:orders])
+        return list((row if len(row.full) >= orders else self.completed(row)).full[:orders])
 
     def forces(self, row: Row) -> Array:
         """Return Q - F (n_full,) of a stored state: all forces, damping and multipliers included, less dead loads."""
@@ -360,9 +354,9 @@ class Stepper:
 
     def completed(self, row: Row) -> Row:
         """Return a stored state with its full coordinates, forces and energies filled in."""
-        if not row.full:
+        if len(row.full) < 4:
             self.problem_at(row)
-            self._read([row], np.array([row.side]), np.array([row.kind]),
+            self._read(True, [row], np.array([row.side]), np.array([row.kind]),
                        *(x[None] for x in (row.z, row.v, row.a, row.turns, row.feet, row.states)))
         return row
 
@@ -390,7 +384,7 @@ class Stepper:
         """Restore the motion from a checkpoint."""
         for name, value in zip(Motion._fields, self.s.values, strict=True):
             value[:] = checkpoint[name]
-        self.pending = checkpoint["log"].reshape(-1, len(LOG))
+        self.pending = checkpoint["log"].reshape(-1, len(LOG)).copy()
         self.next_wanted = int(checkpoint["places"][0])
         self.events.resume(checkpoint)
         self.impacts.resume(checkpoint)

@@ -209,6 +209,9 @@ def pair_warnings(wanted: int, pairs: Pairs, s: Complex) -> list[str]:
     if vibrating < wanted and pairs.skipped:
         out.append(f"{vibrating} pairs converged instead of {wanted}. Reduce solver.modes, or use fewer or longer "
                    "elements")
+    elif pairs.skipped:
+        out.append(f"{pairs.skipped} pairs that lie among those listed did not converge and are left out. Use fewer or "
+                   "longer elements")
     elif vibrating < wanted:
         out.append(f"{vibrating} pairs vibrate instead of {wanted}; all other motions decay or grow without "
                    "oscillating")

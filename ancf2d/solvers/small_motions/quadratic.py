@@ -34,6 +34,8 @@ SETTLED, ROUGH, STALLED = 1e-8, 1e-6, 0.1
 STUCK = 1e-3
 # residual above which a Ritz pair is rejected
 TRUSTED = 1e-5
+# residual above which pairs are computed again, in a small space, and how often
+GOOD, IMPROVEMENTS = 1e-8, 3
 # share of an eigenvalue below which its imaginary part is round-off
 REAL = 1e-9
 # if the first terms of a quadratic polynomial are below this share of its last one, no root lies within the circle
@@ -177,6 +179,16 @@ class Search:
             self.space.add(new.imag)
         return self.ritz()
 
+    def improved(self, s: Complex, Y: Complex, number: int) -> tuple[Complex, Complex]:
+        """Return the same as ``corrected``, as often as one of the wanted pairs has a large residual."""
+        for _ in range(IMPROVEMENTS):
+            lowest = np.flatnonzero(_upper(s) & (np.abs(s) > self.rest_limit))[:number]
+            crowded = (lowest >= 2 * number + MARGIN).any()  # by real eigenvalues, so that pairs would be lost
+            if crowded or all(self.residual(s[k], self.space.combined(Y[k])) <= GOOD for k in lowest):
+                break
+            s, Y = self.corrected(s, Y, number)
+        return s, Y
+
     def strains_nothing(self, x: Complex) -> bool:
         """Return whether x has no strain energy compared with elastic modes."""
         p = self.problem
@@ -207,7 +219,7 @@ def lowest_pairs(problem: Quadratic, number: int, s0: float, rest_limit: float) 
         s, Y = search.corrected(*search.ritz(), number)
         return _chosen(search, s, Y, number, complete=True)
     for seed in range(RANDOM_STARTS):
-        s, Y = _settled(search, number, seed)
+        s, Y = search.improved(*_settled(search, number, seed), number)
         found = _chosen(search, s, Y, number, complete=False)
         crowded = int((~_upper(found.s)).sum()) >= 2 * number
         if not found.missing or crowded or seed == RANDOM_STARTS - 1:

@@ -144,9 +144,10 @@ class Pursuit:
 
     def _run(self, level: Level, estimate_of: EstimateOf | None, how: Solve | None = None) -> None:
         """Solve a level; with ``estimate_of``, which gives its error, it becomes the preliminary result."""
-        # warnings about intermediate meshes are suppressed: their sequence shows more than each by itself
+        # warnings about intermediate meshes are suppressed: their sequence shows more than each by itself, and more of
+        # zones that yield than one mesh does
         quiet = replace(self.progress, warn=lambda text: None, note=lambda text: None,
-                        checks_mesh=estimate_of is not None)
+                        checks_mesh=estimate_of is not None, checks_zones=False)
 
         def conclude(found: Solved) -> None:
             level.store(found.answer, found.summary)

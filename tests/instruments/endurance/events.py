@@ -121,7 +121,7 @@ def kinks(count: int) -> Ended:
 MOTIONS: dict[str, tuple[int, Callable[[int], Ended]]] = {
     "instants of a sampled controller": (1, instants),
     "bounces between springs with a gap, `energy_momentum`": (1, lambda count: bounces(count, "energy_momentum")),
-    "the same, `radau5`, `tolerance: 1e-8`": (100, lambda count: bounces(count, tolerance=1e-8)),
+    "the same, `radau5`, `tolerance: 1e-8`": (10, lambda count: bounces(count, tolerance=1e-8)),
     "kinks of a table": (10, kinks),
     "loads that begin and end on conditions, each asked in every step": (100, conditions)}
 
