@@ -154,6 +154,24 @@ def test_kelvin_voigt_damping_is_as_exact_where_bodies_have_constraints_inside()
     assert not summary["warnings"]
 
 
+@pytest.mark.parametrize(("count", "tau", "c", "modes"), [(12, 0.03, 0.5, 2), (12, 0.01, 10, 2), (24, 0.01, 10, 3)])
+def test_the_many_eigenvalues_just_beyond_the_circle_are_not_counted(count, tau, c, modes) -> None:
+    """Of each overdamped motion, one gathers at -1/tau."""
+    summary = found(DASHPOT.format(c=c), modes, f"cable, count: {count}",
+                    f"material: {{damping: {{kelvin_voigt: {tau}}}}}")
+    assert np.abs(eigenvalues(summary)).max() < 1 / tau
+    assert not summary["warnings"]
+
+
+def test_the_many_eigenvalues_within_the_circle_are_counted() -> None:
+    """Three of 49 motions vibrate, with omega < 2/tau; the others have one eigenvalue each near -1/tau."""
+    summary = found(DASHPOT.format(c=1), 3, "cable, count: 12", "material: {damping: {kelvin_voigt: 0.03}}")
+    s = eigenvalues(summary)
+    assert np.abs(s).max() > 1 / 0.03
+    more = 49 - 3 - int((s.imag == 0.0).sum())
+    assert any(w.startswith(f"{more} more eigenvalues lie among those listed") for w in summary["warnings"])
+
+
 def test_fewer_pairs_than_asked_for_where_the_rest_is_overdamped() -> None:
     """Kelvin-Voigt: pairs have omega < 2/tau, everything else is real."""
     tau = 0.04

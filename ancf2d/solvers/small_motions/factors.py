@@ -97,12 +97,13 @@ def _parity(permutation: Array) -> int:
     return n - int(cycles)
 
 
-def turned_on_half_circle(phase: Callable[[float], complex]) -> float | None:
+def turned_on_half_circle(phase: Callable[[float], complex], intervals: int) -> float | None:
     """Return the change of a phase angle over the upper half of a circle, with adaptive sampling.
 
-    Return None if too many samples would be needed, or if the phase is unknown somewhere.
+    The samples are refined from a number of equal ``intervals``, in none of which it may turn once or more. Return None
+    if too many samples would be needed, or if the phase is unknown somewhere.
     """
-    angles = list(np.linspace(0.0, math.pi, 7))
+    angles = list(np.linspace(0.0, math.pi, intervals + 1))
     known = {a: phase(a) for a in angles}
     k, total = 0, 0.0
     while k < len(angles) - 1:

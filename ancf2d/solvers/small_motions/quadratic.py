@@ -322,12 +322,12 @@ def _missing(search: Search, found: Complex, ritz: Complex) -> int | None:
     slow = ritz[np.abs(ritz) <= search.rest_limit] if (found == 0).any() else found[:0]
     fast = found[found != 0]
     both = np.concatenate([fast, fast[_upper(fast)].conj(), slow])
-    # dividing out eigenvalues outside the circle reduces the phase change between points without affecting the count
-    near = ritz[(np.abs(ritz) > outer) & (np.abs(ritz) < 4 * outer)]
-
     # Kelvin-Voigt damping of fine meshes turns the phase by (1 + tau s)^n; so does the diagonal, whose ``own`` roots
     # within the circle are known
     k, c, m = _diagonals(search.problem)
+    # dividing out eigenvalues outside the circle reduces the phase change between points without affecting the count;
+    # the diagonal has done so already
+    near = ritz[(np.abs(ritz) > outer) & (np.abs(ritz) < 4 * outer) & (len(k) == 0)]
     own = sum(int((np.abs(np.roots([c2, c1, c0])) < outer).sum()) for c0, c1, c2 in zip(k, c, m, strict=True)
               if c2 * outer**2 + c1 * outer > OUTSIDE * c0)
 
@@ -340,5 +340,6 @@ def _missing(search: Search, found: Complex, ritz: Complex) -> int | None:
         for s in near:
             out *= abs(at - s) / (at - s)
         return out * np.exp(-1j * np.angle(k + at * c + at * at * m).sum())
-    turned = turned_on_half_circle(phase)
+    # all motions together turn the phase relative to the diagonal's
+    turned = turned_on_half_circle(phase, 12 if len(k) else 6)
     return None if turned is None else round(turned / math.pi) + own
