@@ -100,13 +100,13 @@ def _forces_from_rates(checker: Any) -> Iterator[tuple[Path, str]]:
     """Yield the places of forces that depend on rates, and alternatives to them."""
     for path, material in materials_of(checker.case):
         damping = None if material in (None, INVALID) else material.damping
-        if damping not in (None, INVALID) and damping.kelvin_voigt != 0.0:
+        if damping not in (None, INVALID) and damping.kelvin_voigt:
             yield (*path, "damping"), "material.viscoelastic"
     for i, spring in enumerate(checker.case.springs or ()):
         if spring is not INVALID and getattr(spring, "damped", False):
             yield ("springs", i, "damping" if getattr(spring, "damping", 0.0) else "force"), "a spring without damping"
     for i, contact in enumerate(checker.case.contacts or ()):
-        if contact is not INVALID and contact.law not in (None, INVALID) and contact.law.damping != 0.0:
+        if contact is not INVALID and contact.law not in (None, INVALID) and contact.law.damping:
             yield ("contacts", i, "law", "damping"), "a law without damping"
     for path, value, _ in checker.values:
         if isinstance(value, PointExpression) and {"vx", "vy"} & set(value.quantities):

@@ -230,7 +230,7 @@ class _SpringOrStop:
     @property
     def damped(self) -> bool:
         """Whether rates cause forces."""
-        return self.damping > 0.0 or (self.force is not None and uses_rate(self.force))
+        return bool(self.damping or (self.force and uses_rate(self.force)))
 
     @property
     def breaks(self) -> bool:
