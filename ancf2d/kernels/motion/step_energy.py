@@ -19,6 +19,8 @@ from .work import inelastic_work_within, set_history
 TOTAL_GAIN, STEP_GAIN, SHORTEST_TRY = 5e-3, 1e-5, 1e-3
 # fraction of the extent: contact forces times this distance count as energy of a scene at rest
 AT_REST = 1e-9
+# fraction of the extent: coordinates that change by less in a step rest, and their energy changes by round-off alone
+STILL = 1e-13
 
 
 @inner_with_memory
@@ -109,6 +111,15 @@ def inelastic_work_of_step(p, w, s, m, at, t, h):  # type: ignore[no-untyped-def
 
 
 @inner
+def rests(p, s, m):  # type: ignore[no-untyped-def]
+    """Return whether no coordinate changes by more than round-off in the step from s to m.end."""
+    for i in range(len(s.z)):  # noqa: SIM110
+        if p.weights[i] * abs(m.end.z[i] - s.z[i]) > STILL * p.extent:
+            return False
+    return True
+
+
+@inner
 def gains_energy(m, p, w, s, plan, t, h, fed_in, hit):  # type: ignore[no-untyped-def]
     """Return whether a step creates energy, beyond ``fed_in``: bodies may spin or vibrate too fast after a bounce.
 
@@ -118,6 +129,8 @@ def gains_energy(m, p, w, s, plan, t, h, fed_in, hit):  # type: ignore[no-untype
         return False
     if hit and np.isinf(s.numbers[OBSTACLE_WORK]):
         # moved supports do work in an impact
+        return False
+    if not hit and rests(p, s, m):
         return False
     rise = -calls.lost_in_impact(p.calls, (p, w, s, m, t, h, plan.tracks)) - fed_in
     rise -= s.numbers[OBSTACLE_WORK] if hit else 0.0
