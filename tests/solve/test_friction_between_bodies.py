@@ -257,6 +257,13 @@ def test_friction_without_a_law_is_that_of_a_layer_as_it_becomes_stiffer():
 
 
 @pytest.mark.slow
+def test_short_steps_after_a_point_engages_converge_to_round_off():
+    """Where errors count as errors of rates, Newton's tolerance is relative to the step, but not below round-off."""
+    for k in 1e4 * (1.0 + 1e-3 * np.arange(7)):
+        assert on_plank(0.2, law={"stiffness": k, "damping": 0.1 * k**0.5}, tolerance=1e-6).rows[-1].t == 0.2
+
+
+@pytest.mark.slow
 def test_a_flexible_block_that_chatters_on_a_flexible_plank_slows_down_by_mu_g():
     """Friction has all of what presses in a step in which points close, also of waves that open them again.
 

@@ -215,4 +215,4 @@ def increment_tolerance(p, s, h, tolerance):  # type: ignore[no-untyped-def]
     if s.numbers[TIME] <= 0.0:
         return tolerance * size
     moved = MOST_STEPS * h * max(norm(p, s.v), size / s.numbers[TIME])
-    return min(tolerance * size, max(tolerance * moved, round_off(p, s)))
+    return max(tolerance * min(size, moved), round_off(p, s))
