@@ -141,7 +141,8 @@ def test_a_hairpin_touches_itself_as_half_of_it_does_its_plane_of_symmetry(law):
         # a bump above the plane, and a bend around to the other arm
         start = [0.15 * np.sin(0.6), 0.165 - 0.15 * np.cos(0.6)]
         geometry = {"type": "path", "start": start, "heading": np.pi + 0.6, "pieces": list(pieces)}
-        return helpers.body(geometry, helpers.element("cable", 12 * len(pieces)), {"height": 0.01, "width": 0.05}, STEEL)
+        section = {"height": 0.01, "width": 0.05}
+        return helpers.body(geometry, helpers.element("cable", 12 * len(pieces)), section, STEEL)
 
     bump = {"arc": 0.15, "angle": -1.0}
     # without a law, where points are placed depends a little on the way
