@@ -50,6 +50,8 @@ WORK = 370
 MOST_FIELDS = 100
 # cosine of the angle between face normal and gap gradient: a face turned away by more is the back of a thin body
 BACK = 0.7
+# exponent of the depth in a layer as a function of the force, for round surfaces
+POWER = 2.0 / 3.0
 
 
 def count_of(par):  # type: ignore[no-untyped-def]

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..elements.contact_geometry import CIRCLE, HALF_INTERVAL, HOME, OPPOSITE, SHAPE
+from ..elements.contact_geometry import CIRCLE, HALF_INTERVAL, HOME, OPPOSITE, POWER, SHAPE
 from ..elements.shape import Array, gauss
 from ..interactions.contact_curves import ALONG, Spot, levels_of
 from ..model.model import Model
-from .layers_between_bodies import POWER, BodyLayer
 from .state import State
 from .threads import largest
 
@@ -92,6 +91,8 @@ class ErrorsBetweenPoints:
             elif not pair.on_bodies:
                 self.checks.append((pair, _ObstacleLayer(one)))
             elif not any(pair.item is other.item for other, _ in self.checks):
+                from .layers_between_bodies import BodyLayer
+
                 halves: list[Any] = [half for half in model.contact_tables if half.pair.item is pair.item]
                 self.checks.append((pair, BodyLayer(model, halves)))
         # the largest displacement; the largest error, and the largest relative to the radius of a disc, each as: error,

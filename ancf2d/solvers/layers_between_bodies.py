@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..elements.contact_geometry import STIFFNESS, WEIGHT
+from ..elements.contact_geometry import POWER, STIFFNESS, WEIGHT
 from ..elements.shape import gauss
 from ..errors import SingularTangentError
 from ..interactions.contact_curves import Spot, levels_of
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 # intervals of two Gauss points each over the height of a body; largest number of them along a face
 INTERVALS, MOST_INTERVALS = 4, 1024
-# exponent of the depth as a function of the force, for round surfaces
-POWER = 2.0 / 3.0
 
 
 def _dense_points(pair: BodyPair) -> list[Spot]:
