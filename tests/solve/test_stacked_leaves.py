@@ -44,7 +44,13 @@ def test_a_tip_that_is_squeezed_over_the_end_of_the_other_leaf_rests_on_its_corn
     assert found.reactions["low"]["fy"] == pytest.approx(force, abs=2.0 * STIFF * down)
 
 
-@pytest.mark.parametrize(("count", "gap"), h.chosen(product((4, 6, 8), (0.0, 1e-4)), [(4, 1e-4), (8, 0.0)]))
+# with ten elements, round-off decides whether the contact points are found (docs/contact.md, "Limits")
+UNSURE = pytest.mark.xfail(raises=ancf2d.ComputationError, strict=False)
+
+
+@pytest.mark.parametrize(("count", "gap"), [
+    *h.chosen(product((4, 6, 8), (0.0, 1e-4)), [(4, 1e-4), (8, 0.0)]),
+    *(pytest.param(10, gap, marks=[pytest.mark.slow, UNSURE]) for gap in (0.0, 1e-4))])
 def test_leaves_that_touch_all_along_bend_alike_however_few_their_elements(count: int, gap: float) -> None:
     """Where one cubic lies in another, more places touch than an element has points: these stand for the others.
 
