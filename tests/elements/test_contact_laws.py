@@ -281,3 +281,31 @@ def test_nothing_is_told_of_the_curve_beside_an_open_polyline():
     point.u[4] = 50.0
     assert point(point.u, point.w)[0] == 0.0
     assert geometry.bound_on_distance(point.par, point.p0, point.u, 0.3) == np.inf
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+@pytest.mark.parametrize("pose", POSES)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_hard_point_cannot_touch_before_its_fields_have_changed_by_the_distance_that_it_states(section, pose, shape):
+    """The sum of their changes is a bound, also where sections and obstacles rotate."""
+    point, rng, said = Point(HARD, section, pose, shape), np.random.default_rng(11), 0
+    if shape == "polyline":
+        # closed
+        point.par[geometry.OPPOSITE + 1] = 3.0
+    point.u[-1] = 0.0
+    terms, start = SECTIONS[section][1], point.u.copy()
+    for _ in range(60):
+        point.u[:] = start
+        point.u[[0, terms]] += rng.uniform(-0.3, 0.3, 2) if shape == "pipe" else rng.uniform(-2.0, 2.0, 2)
+        there = point.u.copy()
+        far = point.law.forces(point.p0, there, point.w, point.par, np.zeros(3), point.mem, np.zeros(len(there)),
+                               np.zeros((len(there),) * 2), np.zeros((len(there),) * 2))
+        if far[1] != APART or far[0] == 0.0:
+            continue
+        said += 1
+        for _ in range(8):
+            change = rng.standard_normal(len(there) - 1) * rng.integers(0, 2, len(there) - 1)
+            point.u[:-1] = there[:-1] + 0.999 * far[0] * change / max(np.abs(change).sum(), 1e-300)
+            assert gap_of(point) > 0.0
+    # a pipe is hardly wider than the section is high
+    assert said > (0 if shape == "pipe" else 3)
