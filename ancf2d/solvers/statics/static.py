@@ -20,7 +20,6 @@ from ..state import State
 from ..system import System, Turned
 from ..threads import largest
 from .hanging import FALLS, FELL, hanging, slack
-from .jumps import Jumps
 from .newton import (
     MAX_ITERATIONS,
     POOR,
@@ -36,7 +35,7 @@ from .newton import (
     state_of,
 )
 from .one_sided import check_taut
-from .step_control import Path, Stride
+from .step_control import Jumps, Path, Stride
 
 # displacements with a larger relative uncertainty are useless
 HOPELESS = 0.5
