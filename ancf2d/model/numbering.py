@@ -117,6 +117,12 @@ class Numbering:
                 np.add.at(sums, self.owner, self.value * z[self.index])
             out[self.dependent] = sums
 
+    def expanded(self, z: Array) -> Array:
+        """Return T z as full coordinates (n_full,), without the right-hand sides."""
+        out = np.zeros(len(self.place))
+        self.expand(z, out)
+        return out
+
 
 @dataclass
 class Dependent:

@@ -135,9 +135,7 @@ def full_shapes(model: Model, vectors: Array, signs: Array | None = None) -> Arr
     """
     out = np.zeros((len(vectors), model.n_q))
     for k, (row, z) in enumerate(zip(out, vectors, strict=True)):
-        full = np.zeros(len(model.numbering.place))
-        model.numbering.expand(z, full)
-        row[:] = full[:model.n_q]
+        row[:] = model.numbering.expanded(z)[:model.n_q]
         row *= largest_sign(model, row) if signs is None else signs[k]
     return out
 

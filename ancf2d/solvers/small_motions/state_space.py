@@ -105,10 +105,7 @@ class _Outputs:
 
     def __call__(self, X: Array) -> Array:
         """Return the outputs (outputs, k) of changes X (k, n) of the unknowns, or of their rates."""
-        d = np.zeros((len(X), len(self.num.place)))
-        for row, x in zip(d, X, strict=True):
-            self.num.expand(x, row)
-        return self._of(d)
+        return self._of(np.array([self.num.expanded(x) for x in X]).reshape(len(X), len(self.num.place)))
 
     def _of(self, d: Array) -> Array:
         return np.array([d[:, one.coords] @ one.weights[one.order] for one in self.items])
