@@ -20,6 +20,7 @@ from ..case.schema.profiles import PointExpression, Profile, ProfileOf, ProfileT
 from ..elements.formulations import FORMULATIONS
 from ..elements.point_laws import DIRECTION, GROUND, MAX_MEM, THETA, PointLaw
 from ..elements.shape import Array, gauss
+from ..errors import PartError
 from ..model.mesh import BodyMesh, Index
 from ..model.point_patch import Items
 from ..model.profiles import breaks, load_breaks, values
@@ -30,7 +31,6 @@ from .forces import (
     FOLLOWER,
     AlongBody,
     LoadContext,
-    LoadError,
     LoadSet,
     NaturalStrain,
     load,
@@ -279,7 +279,7 @@ class Distributed:
         mesh = context.meshes[self.on]
         if is_formula(self.value):
             if isinstance(context.amplitude, Answer):
-                raise LoadError(("amplitude",), "the amplitude of a load by formula is a function of time alone",
+                raise PartError(("amplitude",), "the amplitude of a load by formula is a function of time alone",
                                 "a formula in value without probes and controllers")
             cover = covered(mesh, self.from_, self.to, VARYING)
             out.patches.append(FormulaLine(mesh, cover, self.value, context.amplitude))
@@ -300,10 +300,10 @@ def _add(load: Eigenstrain | Temperature, values: tuple[AlongBody, AlongBody, Al
     mesh = context.meshes[load.on]
     plan = mesh.plan
     if plan.rigid:
-        raise LoadError(("on",), f"body '{load.on}' is rigid", "a body that deforms")
+        raise PartError(("on",), f"body '{load.on}' is rigid", "a body that deforms")
     if plan.formulation.natural is None:
         known = [f.name for f in FORMULATIONS.values() if f.natural is not None and f.refuse(plan.element) is None]
-        raise LoadError(("on",), f"formulation {plan.formulation.name} of body '{load.on}' does not support "
+        raise PartError(("on",), f"formulation {plan.formulation.name} of body '{load.on}' does not support "
                         "eigenstrains", "one of " + ", ".join(known))
     out.natural.append(NaturalStrain(mesh, load.from_, load.to, values, context.amplitude))
 
@@ -383,6 +383,6 @@ class Temperature:
         # the mean over the layers may be 0
         if not (section.alpha or any(layer.alpha for layer in section.layers)):
             of = ".section.layers.0" if section.layers else ""
-            raise LoadError(("on",), f"body '{self.on}' has no thermal expansion",
+            raise PartError(("on",), f"body '{self.on}' has no thermal expansion",
                             f"bodies.{self.on}{of}.material.alpha, in 1/K")
         _add(self, (0.0, 0.0, self.value, self.gradient), context, out)

@@ -23,12 +23,13 @@ from ..case.schema.points import POINT, POSITION, GroundPoint, Point, Probe
 from ..case.schema.profiles import Profile, ProfileOf
 from ..elements.point_laws import DIRECTION, THETA
 from ..elements.shape import Array
+from ..errors import PartError
 from ..model.mesh import BodyMesh, Index
 from ..model.point_patch import NOTHING, Field, PointPatch, constant_field, position_fields
 from ..model.points import PointRef, point_ref
 from ..model.profiles import SIDE, breaks, values
 from .body_loads import VARYING, covered
-from .forces import AMPLITUDE, AMPLITUDE_DOC, LoadContext, LoadError, LoadSet, load, moment_at
+from .forces import AMPLITUDE, AMPLITUDE_DOC, LoadContext, LoadSet, load, moment_at
 from .tendon_laws import ELASTIC, TENSION, piece, slopes, taut
 
 # greatest number of fields of an elastic tendon, which has one stiffness matrix for all of them
@@ -310,11 +311,11 @@ class Tendon:
                           if isinstance(e, Probe) else (context.point(e), 0.0) for e in self.through])
         plan = context.meshes[self.on].plan
         if plan.rigid:
-            raise LoadError(("on",), f"{self.on} is rigid: a tendon along it has no effect",
+            raise PartError(("on",), f"{self.on} is rigid: a tendon along it has no effect",
                             "a body that deforms, or through")
         if plan.element.section_kind == "tangent" and self.y != 0.0 and (
                 not isinstance(self.y, float) or self.stiffness is not None):
-            raise LoadError(("y",), f"{plan.element.name} can guide a tendon off its axis only with given tension and "
+            raise PartError(("y",), f"{plan.element.name} can guide a tendon off its axis only with given tension and "
                             "constant distance", "reissner3, an ANCF type, or through")
         return guided(context.meshes[self.on], self.from_, self.to, self.y, self._more)
 
@@ -326,7 +327,7 @@ class Tendon:
     def add(self, context: LoadContext, out: LoadSet) -> None:
         """Add the tendon: one patch per piece if its tension is given, one for all pieces if it is elastic.
 
-        Raises LoadError if the tendon is impossible on its body.
+        Raises PartError if the tendon is impossible on its body.
         """
         pieces = self._pieces(context)
         elastic, given = self._put(context, out, pieces), self.tension or 0.0
@@ -345,7 +346,7 @@ class Tendon:
             if whole > MOST:
                 each = 1 if self.on is None else context.meshes[self.on].plan.element.degree_x + 3 + self._more
                 what = "stretches" if self.on is None else "elements"
-                raise LoadError(("stiffness",), f"an elastic tendon couples everything along it: {len(pieces) // each} "
+                raise PartError(("stiffness",), f"an elastic tendon couples everything along it: {len(pieces) // each} "
                                 f"{what} are too many", f"at most {MOST // size // each}")
             pieces = [p.among(k * size, size, whole - (k + 1) * size) for k, p in enumerate(pieces)]
             fields = [f for p in pieces for f in p.fields]
