@@ -104,6 +104,12 @@ class CaseError(Ancf2dError):
         super().__init__("\n".join(str(p) for p in self.problems))
 
 
+def raise_any(problems: list[Problem]) -> None:
+    """Raise CaseError with all problems, if there are any."""
+    if problems:
+        raise CaseError(problems)
+
+
 def all_of(*readers: Callable[[], Any]) -> list[Any]:
     """Call all readers and return their results. Raises CaseError with the problems of all of them."""
     found: list[Any] = []
@@ -113,8 +119,7 @@ def all_of(*readers: Callable[[], Any]) -> list[Any]:
             found.append(read())
         except CaseError as error:
             problems += error.problems
-    if problems:
-        raise CaseError(problems)
+    raise_any(problems)
     return found
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Any, TypeVar
 
-from ..errors import CaseError, Problem
+from ..errors import CaseError, Problem, raise_any
 from .compose import compose
 from .emit import flow
 from .nodes import ListNode, Mark, Node, Origin, Scalar, plain_data, quoted, resolve
@@ -67,8 +67,7 @@ def read_axes(options: Sequence[str], pair: bool = False) -> list[Axis]:
                                 file=OPTION.strip()))
     if pair:
         problems += _unpaired(axes)
-    if problems:
-        raise CaseError(problems)
+    raise_any(problems)
     return axes
 
 
@@ -112,8 +111,7 @@ def _axis(text: str, distinct: bool) -> Axis:
     # read as the inside of a YAML list, whose bracket replaces the equals sign to keep the columns
     refused: list[Problem] = []
     node = compose(f"[{values}]", start.origin, len(OPTION) + len(path) + 1, refused)
-    if refused:
-        raise CaseError(refused)
+    raise_any(refused)
     items = node.items if isinstance(node, ListNode) else []
     if not items:
         raise CaseError(start.problem("there is no value", expected="values separated by commas"))
@@ -168,8 +166,7 @@ _TAIL, _LARGEST = 10.0, 700.0
 def read_distributions(options: Sequence[str]) -> list[Distribution]:
     """Return the distributions of ``PATH~normal(mean, sd)`` options. Raises CaseError with all problems."""
     found, problems = _each(options, _distribution, SAMPLE, "sampled")
-    if problems:
-        raise CaseError(problems)
+    raise_any(problems)
     return found
 
 
@@ -214,8 +211,7 @@ class Bounds:
 def read_bounds(options: Sequence[str]) -> list[Bounds]:
     """Return the bounds of ``PATH=low:high`` options. Raises CaseError with all problems."""
     found, problems = _each(options, _bounds, VARY, "varied")
-    if problems:
-        raise CaseError(problems)
+    raise_any(problems)
     return found
 
 

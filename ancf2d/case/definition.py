@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
-from ..errors import CaseError, Problem
+from ..errors import CaseError, Problem, raise_any
 from .binder import Binder, Issue, Vocabulary
 from .compose import compose, read_text
 from .declare import key, record
@@ -89,6 +89,5 @@ def read_definition(path: str | os.PathLike[str], vocabulary: Vocabulary | None 
                                             expected="a mapping {name, basis, nodes, ...}"))
     binder = Binder(vocabulary, problems)
     definition = bind_record(ElementDefinition, root, (), binder)
-    if problems:
-        raise CaseError(problems)
+    raise_any(problems)
     return definition, Source(name, text, root)

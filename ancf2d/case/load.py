@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from ..errors import CaseError, Problem
+from ..errors import CaseError, Problem, raise_any
 from .binder import MAX_PROBLEMS, Binder, KnownRecords, Vocabulary, dotted
 from .checks import check_case
 from .compose import compose, read_text
@@ -89,8 +89,7 @@ class CaseText:
         if binder.unreported:
             problems.append(Problem(f"{binder.unreported} more problems, not shown after the first "
                                     f"{MAX_PROBLEMS}", file=self.name, line=len(line_breaks(self.text)), column=1))
-        if problems:
-            raise CaseError(problems)
+        raise_any(problems)
         return LoadedCase(case, source, self.text, tuple(overrides), definitions, self)
 
     def _records(self, root: MapNode, binder: Binder) -> KnownRecords:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from ..errors import CaseError, Problem, all_of
+from ..errors import CaseError, Problem, all_of, raise_any
 from .axes import VARY, Bounds
 from .binder import Vocabulary, listed, nearest
 from .compose import compose
@@ -175,8 +175,7 @@ def numbers_between(loaded: LoadedCase, bounds: Sequence[Bounds], vocabulary: Vo
         except CaseError as error:
             problems += [Problem(p.message, file=f"{VARY}{one.text}", expected=p.expected, near=p.near)
                          for p in error.problems]
-    if problems:
-        raise CaseError(problems)
+    raise_any(problems)
     return found
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import CaseError, Problem, many
+from ..errors import CaseError, Problem, many, raise_any
 from .binder import listed, nearest
 from .compose import compose
 from .nodes import Entry, ListNode, MapNode, Mark, Node, Origin, Scalar, quoted
@@ -40,8 +40,7 @@ def _apply(root: MapNode, text: str) -> MapNode:
     parts = _parts(path.rstrip().removesuffix("+") if appends else path, origin)
     refused: list[Problem] = []
     node = compose(value, origin, column, refused)
-    if refused:
-        raise CaseError(refused)
+    raise_any(refused)
     if node is None:
         node = Scalar(Mark(origin, 1, column), "", True)
     changed = root.copy()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..errors import all_of, many
+from ..errors import all_of, many, raise_any
 from .options import case_argument, case_stem, examples, force_option, json_session, set_option, vary_option
 from .session import Session
 from .text import command_line, number, table
@@ -71,7 +71,7 @@ def command(session: Session, case: str, data_file: str, vary: tuple[str, ...], 
 
 def _noise(options: tuple[str, ...]) -> dict[str, float]:
     """Return the noise of columns given by --sigma. Raises CaseError with all problems."""
-    from ..errors import CaseError, Problem
+    from ..errors import Problem
 
     problems, found = [], {}
     for text in options:
@@ -81,8 +81,7 @@ def _noise(options: tuple[str, ...]) -> dict[str, float]:
         except ValueError:
             problems.append(Problem("not PROBE.QUANTITY=NUMBER", file=f"--sigma {text}",
                                     expected="for example tip.uy=1e-4"))
-    if problems:
-        raise CaseError(problems)
+    raise_any(problems)
     return found
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import CaseError, Problem, all_of, many
+from ..errors import Problem, all_of, many, raise_any
 from .failures import FAILED
 from .options import (
     case_argument,
@@ -120,8 +120,7 @@ def _check(over: tuple[str, ...], pair: bool, sample: tuple[str, ...], drawing: 
         problems.append(Problem("--pair has nothing to pair", expected="--over at least twice"))
     if not sample and any(value is not None for value in drawing):
         problems.append(Problem("--samples, --seed and --design need --sample"))
-    if problems:
-        raise CaseError(problems)
+    raise_any(problems)
 
 
 def _run(session: Session, sweep: Sweep, who: Workers, csv_file: str | None, force: bool) -> None:

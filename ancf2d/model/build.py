@@ -19,7 +19,7 @@ from ..case import (
     Static,
 )
 from ..elements.shape import Array, UnsolvableBasisError
-from ..errors import CaseError, PartError
+from ..errors import PartError, raise_any
 from ..interactions.body_contact import BodyPair
 from ..interactions.contact import ContactPair
 from ..interactions.flow import Velocity
@@ -85,8 +85,7 @@ class _Builder:
         self.loaded, self.case = loaded, loaded.case
         known = {} if like is None else like.meshes
         self.plans, self.problems = plan_bodies(loaded, moving, {name: mesh.plan for name, mesh in known.items()})
-        if self.problems:
-            raise CaseError(self.problems)
+        raise_any(self.problems)
         self.meshes: dict[str, BodyMesh] = {}
         dof = node = 0
         for name, plan in self.plans.items():
@@ -101,8 +100,7 @@ class _Builder:
                             "fewer elements, or a smaller ratio of length and height")
                 continue
             dof, node = dof + mesh.n_dofs, node + mesh.n_nodes
-        if self.problems:
-            raise CaseError(self.problems)
+        raise_any(self.problems)
         self.e0: Array = np.concatenate([m.e0 for m in self.meshes.values()])
         # the model ``like``, if all bodies have the same reference, else None
         self.twin = like if like is not None and list(known) == list(self.meshes) and all(
@@ -347,8 +345,7 @@ def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = N
     b.add_supports()
     b.add_joints()
     b.add_springs()
-    if b.problems:
-        raise CaseError(b.problems)
+    raise_any(b.problems)
     elimination = eliminate(b.equations.rows, b.size)
     b.drop_repeated(elimination)
     b.check_motions()
@@ -357,14 +354,12 @@ def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = N
         b.check_mechanism()
     else:
         b.hangs = known.hangs
-    if b.problems:
-        raise CaseError(b.problems)
+    raise_any(b.problems)
     b.add_masses()
     b.add_flows()
     b.add_loads()
     contacts = b.add_contacts(elimination)
-    if b.problems:
-        raise CaseError(b.problems)
+    raise_any(b.problems)
     for k, constraint in enumerate(b.equations.constraints):
         constraint.multiplier = len(b.e0) + k
     moving = b.case.solver.moves

@@ -16,7 +16,7 @@ from ..case.axes import Bounds
 from ..case.numbers import CaseNumber, moved_starts, number_at, numbers_between, text_with
 from ..case.units import QUANTITY_UNITS, unit_label
 from ..elements.shape import Array
-from ..errors import CaseError, ComputationError, Problem, many
+from ..errors import CaseError, ComputationError, Problem, many, raise_any
 from ..results import Column, write_tables
 from ..results.target import MARK, replacing
 from .digests import inputs_of
@@ -128,8 +128,7 @@ def _variables(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: 
     if data.known.sum() <= len(bounds):
         problems.append(Problem(f"there are too few values ({int(data.known.sum())}) to fit "
                                 f"{many(len(bounds), 'number')}", file=data.file, expected="more values than numbers"))
-    if problems:
-        raise CaseError(problems)
+    raise_any(problems)
     return variables
 
 

@@ -16,7 +16,7 @@ from ..case.binder import KINEMATIC, nearest
 from ..case.compose import read_text
 from ..case.schema.controllers import equations
 from ..elements.shape import Array
-from ..errors import CaseError, ComputationError, Problem, many
+from ..errors import CaseError, ComputationError, Problem, many, raise_any
 from ..model.model import Model
 from ..solvers.derivatives.differences import UnsuitedError
 from ..solvers.derivatives.readings import Term
@@ -106,8 +106,7 @@ def read_data(path: str) -> Data:
             except ValueError:
                 problems.append(Problem(f"'{cell.strip()}' in column {names[j]} is no number", file=path,
                                         line=k + 2, column=1))
-    if problems:
-        raise CaseError(problems)
+    raise_any(problems)
     return data_of(dict(zip(names, values.T, strict=True)), path)
 
 
@@ -132,8 +131,7 @@ def data_of(columns: Mapping[str, Any], file: str = "") -> Data:
             table.append(np.asarray(columns[name], float).ravel())
         except (TypeError, ValueError):
             problems.append(Problem(f"column {name} holds something other than numbers", file=file))
-    if problems:
-        raise CaseError(problems)
+    raise_any(problems)
     if len({len(column) for column in table}) > 1:
         raise CaseError(Problem("the columns are of different lengths", file=file))
     x, values = table[0], np.array(table[1:]).T.reshape(len(table[0]), len(names) - 1)
@@ -142,8 +140,7 @@ def data_of(columns: Mapping[str, Any], file: str = "") -> Data:
     if len(names) < 2 or not np.isfinite(values).any(axis=0).all():
         problems.append(Problem("there are columns without a value" if len(names) > 1 else "nothing was measured",
                                 file=file, expected="columns named PROBE.QUANTITY"))
-    if problems:
-        raise CaseError(problems)
+    raise_any(problems)
     order = np.argsort(x, kind="stable")
     return Data(names[0], x[order], tuple(names[1:]), values[order], file)
 

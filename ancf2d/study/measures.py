@@ -17,7 +17,7 @@ from ..case.part_checks import refused_field
 from ..case.records import tag_of
 from ..case.syntax import Chain, Comparison, ExpressionError, Names, named_in, syntax
 from ..elements.shape import Array
-from ..errors import CaseError, ComputationError, Problem
+from ..errors import CaseError, ComputationError, Problem, raise_any
 from ..model.model import Model
 from ..results.geometry import mises
 from ..solvers.derivatives.readings import Term
@@ -272,8 +272,7 @@ class Measures:
         problems = field_problems(model, (name,))
         if (refused := refused_field(model.case, tag_of(type(model.case.solver)), name)) is not None:
             problems += [Problem(refused[0], expected=refused[1])]
-        if problems:
-            raise CaseError(problems)
+        raise_any(problems)
         values = list(FieldReader(model, (name,)).read(state).values())
         if name == "stress":
             values = [mises(v) for v in values]

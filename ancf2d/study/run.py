@@ -19,7 +19,7 @@ from ..case.units import unit_warnings
 from ..elements import registry
 from ..elements.definition import coordinate_components
 from ..elements.formulations import FORMULATIONS
-from ..errors import CaseError, CheckpointError, ComputationError
+from ..errors import CheckpointError, ComputationError, raise_any
 from ..extend.plugins import load_plugins
 from ..model.build import build_model
 from ..model.model import Model
@@ -73,8 +73,7 @@ def prepare(loaded: LoadedCase, like: Model | None = None, for_differences: bool
 
     model = build_model(loaded, like=like, for_differences=for_differences)
     problems = [*initial_problems(model), *method_problems(model), *field_problems(model)]
-    if problems:
-        raise CaseError(problems)
+    raise_any(problems)
     if for_differences:
         return model
     model.warnings += [*left_out(loaded.case), *unit_warnings(loaded.case), *material_warnings(loaded.case),
