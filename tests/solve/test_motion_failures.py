@@ -15,7 +15,7 @@ from ancf2d.errors import ComputationError
 from ancf2d.kernels.motion.state import COUNT, NOT_FINITE, NUMBERS, SINGULAR
 from ancf2d.model.timing import Signal
 from ancf2d.solvers.motion.dynamic import Run
-from ancf2d.solvers.motion.estimate import LEVELS, SAFETY, TENFOLD, Estimate
+from ancf2d.solvers.motion.estimate import DOUBLE, LEVELS, SAFETY, TENFOLD, Estimate
 from ancf2d.solvers.motion.failures import failure
 from ancf2d.solvers.motion.schemes import INTEGRATORS
 from ancf2d.solvers.registry import solve
@@ -118,6 +118,15 @@ def estimate_of(fine: float, tolerance: float, steps: int, asked: bool = True, g
     found.factor, found.order, found.failed, found.levels = TENFOLD, 1, "", LEVELS
     found.largest, found.moved = np.array([[fine], [growth * fine]]), np.ones(1)
     return found
+
+
+@pytest.mark.parametrize(("growth", "share"), [(2.0**5, 1 / 7), (2.0**4.2, 1 / (2**2.6 - 1)), (2.0**3.5, 1.0),
+                                                (2.0, 1.0), (0.5, 1.0)])
+def test_fixed_steps_count_half_of_the_methods_own_order_and_no_other(growth: float, share: float) -> None:
+    """Radau's order is 5; steps of dt, 2 dt and 4 dt."""
+    found = estimate_of(1e-4, 1e-5, 773, growth=growth)
+    found.factor, found.made = DOUBLE, np.array([[1.0, 773 / 2], [1.0, 773 / 4]])
+    assert found.report()["estimate"] == pytest.approx(SAFETY * 1e-4 * share, rel=1e-2)
 
 
 @pytest.mark.parametrize(("fine", "words"), [
