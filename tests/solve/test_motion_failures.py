@@ -138,7 +138,7 @@ LEFT = 10.0**(2.5 / 4) - 1.0
     (LEFT * 5e-3, ["the tolerance is missed", "add up. Use a tolerance of about 2e-07"]),
     (LEFT * 8e-2, ["the tolerance is missed", "8000 times the tolerance 1e-05", "sensitive to its initial state"])])
 def test_a_tolerance_that_is_missed_is_told(fine: float, words: list[str]) -> None:
-    """Differences that shrink tenfold count with half of their order; errors of 773 steps of 1e-5 add up to 7.7e-3 where none grows."""
+    """Errors of 773 steps of 1e-5 add up to 7.7e-3 where none grows."""
     said = estimate_of(fine / SAFETY, 1e-5, 773).warnings()
     assert not estimate_of(fine / SAFETY, 1e-5, 773, asked=False).warnings()
     assert len(said) == bool(words)
@@ -186,7 +186,7 @@ def test_methods_of_low_order_that_miss_a_tolerance_name_a_better_one(method: st
 def test_a_prescribed_motion_that_starts_with_a_jump_is_named_as_a_cause(angle: str | None, told: bool) -> None:
     (said,) = estimate_of(LEFT * 4e-3, 1e-5, 773, driven=angle).warnings()
     assert ("begins at full speed" in said) == told
-    (said,) = estimate_of(4e-2, 1e-5, 773, driven=angle, obstacle=True).warnings()
+    (said,) = estimate_of(LEFT * 4e-3, 1e-5, 773, driven=angle, obstacle=True).warnings()
     assert "begins at full speed" not in said
 
 
