@@ -43,6 +43,8 @@ TURN_DOC = ("Moment as a formula in u, the relative rotation minus angle [rad], 
             "and damping; a positive moment turns the second end back")
 # values that the force function of a spring returns
 RETURNS = ("energy", "N", "dN/du", "dN/d(rate)")
+# difference of lengths, relative to them, that is round-off
+ROUND = 4 * np.finfo(float).eps
 End = PointRef | GroundPoint
 
 
@@ -175,12 +177,21 @@ def by_force(cls: R) -> R:
 
     def with_formula(self: Any, ends: list[End]) -> Spring:
         if self.force is None:
-            return place(self, ends)  # type: ignore[no-any-return]
+            return _met(place(self, ends), slice(-2, None))
         formula, angle = spring_formula(self.force), cls.law.accept is not None  # type: ignore[attr-defined]
         constants = [float(formula.address), *_acting(self.only, self.gap), 0.0 if self.damped else 1.0]
-        return (about if angle else along)(FORMULA_LAWS[angle], ends, constants, self.damped, self.rest())
+        placed = (about if angle else along)(FORMULA_LAWS[angle], ends, constants, self.damped, self.rest())
+        return _met(placed, slice(-3, -1))
     cls.place = with_formula  # type: ignore[attr-defined]
     return cls
+
+
+def _met(spring: Spring, bounds: slice) -> Spring:
+    """Return a spring that acts in the reference if its bounds (constants) are met there but for round-off."""
+    start, size = spring.slack - spring.rest, max(abs(spring.slack), abs(spring.rest))
+    gaps = spring.par[bounds]
+    gaps[np.abs(gaps - start) <= ROUND * size] = start
+    return spring
 
 
 def linear(s, rate, par):  # type: ignore[no-untyped-def]

@@ -69,7 +69,7 @@ def describe_text(found: dict[str, Any]) -> str:
         ("versions", ", ".join(f"{k} {v}" for k, v in made["versions"].items())),
         ("units", ", ".join(units.values())),
         ("size", f"{_many(found['dofs'], 'nodal coordinate')}, "
-                 f"{_many(found['states'], 'state')}, {_many(found['steps'], 'step')}"),
+                 f"{_many(found['states'], 'state')}, {_many(found['steps'], 'step')}" if found["bodies"] else ""),
     ]
     if found["range"]:
         moves = found["solver"] in OVER_TIME

@@ -99,6 +99,19 @@ def test_small_motions_on_the_verge_of_a_spring_are_those_with_it():
     assert "is one-sided" in pair[1].warnings[0]
 
 
+@pytest.mark.parametrize("law", [{"stiffness": 800.0}, {"force": "800*u"}], ids=["stiffness", "formula"])
+@pytest.mark.parametrize("only", ["tension", "compression"])
+@pytest.mark.parametrize("gap", [0.1, 0.2, 0.25, 0.3, 0.7])
+def test_a_gap_that_is_closed_in_the_reference_is_closed_whatever_the_round_off(gap, only, law):
+    """1 - 0.9 is less than 0.1 in doubles, 1 - 0.8 less than 0.2, and 1 - 0.75 is 0.25."""
+    length = 1.0 - gap if only == "tension" else 1.0 + gap
+    found = h.solved({"b": rigid([0, 0], [1, 0], 2.0, 0.1)}, {"type": "eigen", "modes": 1}, bc=STOPS["bc"],
+                     springs=[{"type": "translational", "between": [[-1, 0], "b@0"], "length": length, "gap": gap,
+                               "only": only, **law}]).state
+    assert found.tables["modes"]["omega"] == pytest.approx([20.0], rel=1e-12)
+    assert "is one-sided" in found.warnings[0]
+
+
 # a bar of 0.4 kg that flies 0.1931 m to each side, at 1 m/s, and is in a stop for 13.7 ms
 FREE, WITHIN = 0.1931, 13.7e-3
 HARD, FLIES = 0.4 * (math.pi / WITHIN)**2, {

@@ -36,9 +36,7 @@ def _of_higher_order(small: Linearised) -> Iterator[str]:
     loads = [(f"loads.{k}", item) for k, item in enumerate(model.case.loads)
              if getattr(item, "damped", False) and item.name not in model.inputs]
     drags = [patch for patch in model.loads.patches if getattr(patch, "damped", False)]
-    # elastic tendons and contacts follow the springs of the case
-    springs = zip([f"springs.{k}" for k in model.case.resting_springs], model.springs, strict=False)
-    parts: list[tuple[str, Any]] = [*((what, patch) for what, patch in springs if patch.damped),
+    parts: list[tuple[str, Any]] = [*((patch.path, patch) for patch in model.springs if patch.path and patch.damped),
                                     *((what, patch) for (what, _), patch in zip(loads, drags, strict=False))]
     for what, patch in parts:
         batch = Batch([patch])

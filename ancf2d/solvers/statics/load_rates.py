@@ -47,7 +47,7 @@ def points_of(model: Model) -> Sequence[tuple[int, float]]:
 
     They are forward differences if springs or tendons may have a kink there, else central ones.
     """
-    kinks = any(batch.signals for batch in model.interactions.springs) or any(one_sided(model))
+    kinks = any(batch.signals for batch in model.interactions.springs) or bool(one_sided(model))
     return FORWARD if kinks else CENTRAL
 
 
