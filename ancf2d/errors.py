@@ -76,6 +76,14 @@ class Ancf2dError(Exception):
     exit_code = 1
 
 
+class PartError(ValueError):
+    """A part of a case that is impossible; ``key`` is the path of the wrong entry below the part."""
+
+    def __init__(self, key: tuple[str | int, ...], message: str, expected: str = "", near: str = "") -> None:
+        super().__init__(message)
+        self.key, self.expected, self.near = key, expected, near
+
+
 class PluginError(Ancf2dError):
     """A plugin cannot be loaded, or its declarations are invalid."""
 

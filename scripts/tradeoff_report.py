@@ -21,8 +21,7 @@ from ancf2d.plot.output import save
 from ancf2d.results import Results
 from ancf2d.study.run import load
 from ancf2d.study.tradeoff.plan import Choice
-from ancf2d.study.tradeoff.result import Row, TradeoffStudy, accuracy_name, cheapest, write_tradeoff
-from ancf2d.study.tradeoff.study import tradeoff
+from ancf2d.study.tradeoff.study import Row, TradeoffStudy, accuracy_name, cheapest, tradeoff, write_tradeoff
 from ancf2d.study.variants import parse_variants
 from scripts.gallery import IMAGES, shrunk
 from scripts.pages import DOCS, ROOT, stamp, table, write

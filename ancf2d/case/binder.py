@@ -146,6 +146,12 @@ class Binder:
         """Return the name most like a word; empty if none is near, or if no more messages are shown."""
         return "" if self.full else nearest(word, names, cutoff)
 
+    def instead(self, word: str, names: Iterable[str]) -> tuple[str, str]:
+        """Return what to expect in place of a word, which is empty if a name is near, and this name."""
+        names = sorted(names)
+        near = self.nearest(word, names)
+        return "" if near else listed(names), near
+
     def wrong(self, node: Node, path: Path, wanted: str, near: str = "") -> Any:
         """Report that a value is not as wanted; return INVALID."""
         if isinstance(node, Broken):

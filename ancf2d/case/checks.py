@@ -6,17 +6,17 @@ from typing import Any
 
 from .binder import INVALID, Binder, Path, dotted, listed
 from .emit import walk
-from .interaction_checks import (
+from .nodes import Source, quoted
+from .part_checks import (
     check_active,
     check_contacts,
     check_controllers,
     check_feedback,
     check_flows,
+    check_materials,
     check_moving,
     check_rates,
 )
-from .material_checks import check_materials
-from .nodes import Source, quoted
 from .schema import Case, Layers, LimitPoints, Point, Stiffness
 
 STATIC = ("linear_static", "static")
@@ -123,11 +123,10 @@ class _Checker:
         names, complete = self.known(what)
         if name in names or not complete:
             return
-        near = self.binder.nearest(name, names)
         one, many = _WHAT[what]
-        expected = listed(sorted(names)) if names and not near else ""
         none = "" if names else f"; there are no {many}"
-        self.fail(path, f"{dotted(path)}: there is no {one} {quoted(name)}{none}", expected, near, on_key)
+        self.fail(path, f"{dotted(path)}: there is no {one} {quoted(name)}{none}",
+                  *self.binder.instead(name, names), on_key)
 
     def names(self) -> None:
         """Check that names are unique within each list."""
@@ -223,10 +222,9 @@ class _Checker:
     def response(self, path: Path, goal: Any) -> None:
         """Check that the input of a response is one of the solver's, and its frequency one that is computed."""
         solver: Any = self.case.solver
-        near = self.binder.nearest(goal.input, solver.inputs)
         if goal.input not in solver.inputs:
             self.fail((*path, "input"), f"{dotted((*path, 'input'))}: {quoted(goal.input)} is not among solver.inputs",
-                      "" if near else listed(sorted(solver.inputs)), near)
+                      *self.binder.instead(goal.input, solver.inputs))
         if goal.hz is None:
             return
         if solver.frequencies is not None and goal.hz not in solver.frequencies:
@@ -256,11 +254,9 @@ class _Checker:
                 self.fail(path, f"{dotted(path)}: '{name}' is the name of a load and of a prescribed motion",
                           "different names")
             elif name not in (*moved, *loads):
-                known = [*loads, *moved]
-                near = self.binder.nearest(name, known)
+                expected, near = self.binder.instead(name, [*loads, *moved])
                 self.fail(path, f"{dotted(path)}: there is no load or prescribed motion named {quoted(name)}",
-                          (listed(sorted(known)) if known else "a load or prescribed motion with a name")
-                          if not near else "", near)
+                          expected if loads or moved else "a load or prescribed motion with a name", near)
 
     def outputs(self) -> None:
         """Check that the probes of outputs exist, and that a solver that reports only probes has some."""

@@ -211,8 +211,6 @@ def programs(functions: Iterable[tuple[Function | None, float, float]], clocks: 
 
     None stands for the function 1; the list may be empty. Functions in ``clocks`` have t instead of their rate.
     """
-    import numpy as np
-
     out, first = Assembler(), [0]
     for k, (function, factor, offset) in enumerate(functions):
         out.height = 0
@@ -224,9 +222,16 @@ def programs(functions: Iterable[tuple[Function | None, float, float]], clocks: 
         if k in clocks:
             out.emit(jets.CLOCK, 0)
         first.append(len(out.code))
+    return _assembled(out, first, 3)
+
+
+def _assembled(out: Assembler, first: list[int], rows: int) -> jets.Programs:
+    """Return the programs that begin at the instructions ``first``, with a stack of as many rows."""
+    import numpy as np
+
     return jets.Programs(np.array(first, dtype=np.int64), np.array(out.code, dtype=np.int64),
                          np.array(out.arg, dtype=np.int64), np.array(out.data, dtype=np.float64),
-                         np.array([-np.inf, np.inf]), np.zeros((3, max(out.depth, 1))))
+                         np.array([-np.inf, np.inf]), np.zeros((rows, max(out.depth, 1))))
 
 
 def are_constant(programs: jets.Programs) -> bool:
@@ -242,8 +247,6 @@ def state_programs(functions: Sequence[tuple[Function | Tree, float]], meaning: 
 
     ``meaning`` is that of ``Assembler``.
     """
-    import numpy as np
-
     out, first = Assembler(meaning), [0]
     for function, factor in functions:
         out.height = 0
@@ -254,9 +257,7 @@ def state_programs(functions: Sequence[tuple[Function | Tree, float]], meaning: 
             out.tree(function)
         out.emit(jets.SCALE, 0, factor, 0.0)
         first.append(len(out.code))
-    return jets.Programs(np.array(first, dtype=np.int64), np.array(out.code, dtype=np.int64),
-                         np.array(out.arg, dtype=np.int64), np.array(out.data, dtype=np.float64),
-                         np.array([-np.inf, np.inf]), np.zeros((1 + count, max(out.depth, 1))))
+    return _assembled(out, first, 1 + count)
 
 
 def value_at(program: jets.Programs, k: int, t: float, values: Sequence[float]) -> tuple[float, list[float]]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .options import complete_types, examples, json_session
+from .options import complete_types, examples, json_session, parsed, whole_numbers
 from .session import Bar, Session
 from .text import number, table
 
@@ -15,17 +15,9 @@ if TYPE_CHECKING:
     from ..study.audit.examine import Audit
 
 
-def _quadrature(ctx: click.Context, parameter: click.Parameter, value: str | None) -> list[int] | str | None:
-    if value is None or value == "exact":
-        return value
-    try:
-        found = [int(part) for part in value.split(",")]
-    except ValueError:
-        found = []
-    if len(found) != 2 or min(found) < 1:
-        raise click.BadParameter(f"'{value}' is not a pair of numbers of Gauss points; expected for example 2,2, or "
-                                 "exact.")
-    return found
+_quadrature = parsed(lambda text: text if text == "exact" else whole_numbers(text),
+                     lambda found: found == "exact" or (len(found) == 2 and min(found) >= 1),
+                     "not a pair of numbers of Gauss points; expected for example 2,2, or exact")
 
 
 @click.command(epilog=examples("ancf2d audit 2d2n", "ancf2d audit omar --preset paper",

@@ -16,9 +16,11 @@ from .options import (
     force_option,
     jobs_option,
     json_session,
+    parsed,
     read_case,
     scheduler_option,
     set_option,
+    whole_numbers,
     workers,
 )
 from .session import Bar, Session
@@ -29,43 +31,14 @@ if TYPE_CHECKING:
     from ..study.variants import Variant
 
 
-def element_counts(ctx: click.Context, parameter: click.Parameter, value: str | None) -> list[int] | None:
-    """Return the numbers of elements in ``2,4,8``."""
-    if value is None:
-        return None
-    try:
-        found = [int(part) for part in value.split(",")]
-    except ValueError:
-        found = [0]
-    if min(found) < 1:
-        raise click.BadParameter(f"'{value}' is not a list of numbers of elements; expected for example 2,4,8,16.")
-    return found
-
-
-def positive_numbers(ctx: click.Context, parameter: click.Parameter, value: str | None) -> tuple[float, ...] | None:
-    """Return the numbers in ``4e-3,2e-3,1e-3``."""
-    if value is None:
-        return None
-    try:
-        found = tuple(float(part) for part in value.split(","))
-    except ValueError:
-        found = (0.0,)
-    if not all(0.0 < x < math.inf for x in found):
-        raise click.BadParameter(f"'{value}' is not a list of positive numbers; expected for example 4e-3,2e-3,1e-3.")
-    return found
-
-
-def reference_value(ctx: click.Context, parameter: click.Parameter, value: str) -> float | None:
-    """Return the given number, or None for auto."""
-    if value == "auto":
-        return None
-    try:
-        found = float(value)
-    except ValueError:
-        found = math.nan
-    if not math.isfinite(found):
-        raise click.BadParameter(f"'{value}' is neither a number nor auto.")
-    return found
+element_counts = parsed(whole_numbers, lambda found: min(found) >= 1,
+                        "not a list of numbers of elements; expected for example 2,4,8,16")
+positive_numbers = parsed(lambda text: tuple(float(part) for part in text.split(",")),
+                          lambda found: all(0.0 < x < math.inf for x in found),
+                          "not a list of positive numbers; expected for example 4e-3,2e-3,1e-3")
+# the number, or None for auto
+reference_value = parsed(lambda text: None if text == "auto" else float(text),
+                         lambda found: found is None or math.isfinite(found), "neither a number nor auto")
 
 
 @click.command(epilog=examples("ancf2d convergence beam.yaml",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -138,6 +139,27 @@ vary_option = click.option("--vary", multiple=True, required=True, metavar="PATH
 force_option = click.option("--force", is_flag=True, help="Replace a file that ancf2d did not write.")
 scheduler_option = click.option("--scheduler", metavar="ADDRESS", help="Run on the Dask cluster of this scheduler, "
                                 "e.g. tcp://127.0.0.1:8786, instead of in processes on this machine.")
+
+
+def parsed(read: Callable[[str], Any], accepts: Callable[[Any], bool], otherwise: str) -> Callable[..., Any]:
+    """Return the callback of an option whose text is ``read``; what raises ValueError or is not accepted is refused.
+
+    ``otherwise`` says what such a text is not, and what is expected.
+    """
+    def callback(ctx: click.Context, parameter: click.Parameter, text: str | None) -> Any:
+        if text is None:
+            return None
+        with suppress(ValueError):
+            found = read(text)
+            if accepts(found):
+                return found
+        raise click.BadParameter(f"'{text}' is {otherwise}.")
+    return callback
+
+
+def whole_numbers(text: str) -> list[int]:
+    """Return the whole numbers in a list with commas. Raises ValueError."""
+    return [int(part) for part in text.split(",")]
 
 
 def jobs_option(what: str, default: str) -> Callable[[F], F]:

@@ -22,6 +22,7 @@ from .options import (
     force_option,
     jobs_option,
     json_session,
+    parsed,
     read_case,
     scheduler_option,
     set_option,
@@ -32,7 +33,7 @@ from .text import TIME, duration, number, say, table
 
 if TYPE_CHECKING:
     from ..study.tradeoff.plan import Choice
-    from ..study.tradeoff.result import Row, TradeoffStudy
+    from ..study.tradeoff.study import Row, TradeoffStudy
 
 
 WIDTH = 100
@@ -174,7 +175,7 @@ def _left_out(study: TradeoffStudy) -> list[str]:
 
 
 def _recommended(study: TradeoffStudy, command: str) -> list[str]:
-    from ..study.tradeoff.result import accuracy_name, setting_text
+    from ..study.tradeoff.study import accuracy_name, setting_text
 
     lines = []
     for accuracy in study.accuracies:
@@ -196,15 +197,9 @@ def _wrapped(text: str) -> list[str]:
 UNITS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
-def _seconds(ctx: click.Context, parameter: click.Parameter, value: str) -> float:
-    found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*(s|min|h|)\s*", value)
-    try:
-        seconds = float(found[1]) * UNITS[found[2]] if found else math.nan
-    except ValueError:
-        seconds = math.nan
-    if not 0.0 <= seconds < math.inf:
-        raise click.BadParameter(f"'{value}' is not a time; expected for example 60s or 5min.")
-    return seconds
+def _seconds(text: str) -> float:
+    found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*(s|min|h|)\s*", text)
+    return float(found[1]) * UNITS[found[2]] if found else math.nan
 
 
 @click.command(epilog=examples("ancf2d tradeoff beam.yaml --element cable,reissner3 --budget 5s",
@@ -225,7 +220,9 @@ def _seconds(ctx: click.Context, parameter: click.Parameter, value: str) -> floa
 @click.option("--dt", "dts", callback=positive_numbers, metavar="DT,...", help="For a motion: fixed time steps.")
 @click.option("--tolerance", "tolerances", callback=positive_numbers, metavar="TOL,...",
               help="For a motion: tolerances of adaptive steps. Default: three, up to the case's own.")
-@click.option("--budget", default="60s", show_default=True, callback=_seconds, metavar="TIME",
+@click.option("--budget", default="60s", show_default=True, metavar="TIME",
+              callback=parsed(_seconds, lambda found: 0.0 <= found < math.inf,
+                              "not a time; expected for example 60s or 5min"),
               help="Time limit of the study, without compilation, in s, min or h. It is divided among the types; each "
               "solves its cheapest settings first. Settings that do not fit are left out and listed.")
 @click.option("--repeat", default=3, show_default=True, type=click.IntRange(min=1), metavar="N",
@@ -251,8 +248,7 @@ def command(session: Session, case: str, overrides: tuple[str, ...], jobs: int |
     time, and recommends the cheapest for each required accuracy.
     """
     session.subject = {"case": case}
-    from ..study.tradeoff.result import write_tradeoff
-    from ..study.tradeoff.study import tradeoff
+    from ..study.tradeoff.study import tradeoff, write_tradeoff
 
     choice, who = _choice(**chosen), workers(jobs, scheduler, default=1)
     loaded = read_case(case, overrides, output, force)

@@ -18,8 +18,9 @@ from ..case.schema.amplitudes import Amplitude
 from ..case.schema.points import MovingPoint
 from ..case.schema.profiles import PointExpression, Profile, ProfileOf, ProfileTable
 from ..elements.formulations import FORMULATIONS
-from ..elements.point_laws import DIRECTION, GROUND, MAX_MEM, THETA
+from ..elements.point_laws import DIRECTION, GROUND, MAX_MEM, THETA, PointLaw
 from ..elements.shape import Array, gauss
+from ..errors import PartError
 from ..model.mesh import BodyMesh, Index
 from ..model.point_patch import Items
 from ..model.profiles import breaks, load_breaks, values
@@ -30,7 +31,6 @@ from .forces import (
     FOLLOWER,
     AlongBody,
     LoadContext,
-    LoadError,
     LoadSet,
     NaturalStrain,
     load,
@@ -133,55 +133,11 @@ def _position_and_rotation(mesh: BodyMesh, elements: Index, xi: Array) -> tuple[
     return G, p0, np.arctan2(y, x) - (0.5 * math.pi if element.section_kind == "interpolated" else 0.0)
 
 
-class FormulaLine:
-    """A line load by formula in quantities of the points that it acts on: one force per quadrature point.
-
-    ``dofs`` (elements, n) are its coordinates.
-    """
+class LineLoad:
+    """A line load as one force per quadrature point, with coordinates ``dofs`` (elements, n)."""
 
     symmetric = False
-
-    def __init__(self, mesh: BodyMesh, cover: list[tuple[Index, Array, Array]], value: Density,
-                 amplitude: Callable[[float], float]) -> None:
-        self.mesh, self.cover = mesh, cover
-        self.formula, self.uses_theta, self.damped = density_formula(value)
-        self.amplitude = (Clocked(amplitude.amplitude, amplitude.factor, amplitude.offset)
-                          if isinstance(amplitude, Signal) else amplitude)
-        self.dofs = np.concatenate([mesh.dofs[elements] for elements, _, _ in cover])
-
-    def items(self) -> Items:
-        """Return the forces at the quadrature points as point items, element by element."""
-        return self._items
-
-    @cached_property
-    def _items(self) -> Items:
-        parts = [self._of(*part) for part in self.cover]
-        dofs, G, p0, par = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return Items(ALONG_BODY, dofs, G, p0, par, np.zeros((len(p0), MAX_MEM)), self.amplitude)
-
-    def _of(self, elements: Index, xi: Array, w: Array) -> tuple[Index, Array, Array, Array]:
-        """Return dofs, G, p0 and par of the points xi of some elements of one class."""
-        mesh, (G, p0, _) = self.mesh, _position_and_rotation(self.mesh, elements, xi)
-        dofs, nc = mesh.dofs[elements], mesh.plan.element.components
-        m, p, _, n = G.shape
-        local = mesh.e0[dofs - mesh.first_dof]
-        for c in (0, 1):
-            p0[:, :, c] = np.einsum("mpn,mn->mp", G[:, :, c], local)
-        kind = (THETA if nc == 3 else DIRECTION) if self.uses_theta else GROUND
-        fields = G.shape[2] if self.uses_theta else 2
-        s = (mesh.starts[elements, None] + xi * mesh.lengths[elements, None]) / mesh.plan.length
-        par = weights_of(w, s, self.formula.address, kind)
-        return (np.repeat(dofs, p, axis=0), np.ascontiguousarray(G[:, :, :fields]).reshape(m * p, fields, n),
-                np.ascontiguousarray(p0[:, :, :fields]).reshape(m * p, fields), par.reshape(m * p, 4))
-
-
-class FollowerLine:
-    """A line load (tangential, normal) per reference length: one force per quadrature point, rotating with the section.
-
-    ``dofs`` (elements, n) are its coordinates.
-    """
-
-    symmetric = False
+    law: PointLaw
 
     def __init__(self, mesh: BodyMesh, cover: list[tuple[Index, Array, Array]], value: Density,
                  amplitude: Callable[[float], float]) -> None:
@@ -196,10 +152,45 @@ class FollowerLine:
     def _items(self) -> Items:
         parts = [self._of(*part) for part in self.cover]
         dofs, G, p0, par = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return Items(FOLLOWER, dofs, G, p0, par, np.zeros((len(p0), MAX_MEM)), self.amplitude)
+        return Items(self.law, dofs, G, p0, par, np.zeros((len(p0), MAX_MEM)), self.amplitude)
 
     def _of(self, elements: Index, xi: Array, w: Array) -> tuple[Index, Array, Array, Array]:
         """Return dofs, G, p0 and par of the points xi of some elements of one class."""
+        raise NotImplementedError
+
+
+class FormulaLine(LineLoad):
+    """A line load by formula in quantities of the points that it acts on."""
+
+    law = ALONG_BODY
+
+    def __init__(self, mesh: BodyMesh, cover: list[tuple[Index, Array, Array]], value: Density,
+                 amplitude: Callable[[float], float]) -> None:
+        super().__init__(mesh, cover, value, Clocked(amplitude.amplitude, amplitude.factor, amplitude.offset)
+                         if isinstance(amplitude, Signal) else amplitude)
+        self.formula, self.uses_theta, self.damped = density_formula(value)
+
+    def _of(self, elements: Index, xi: Array, w: Array) -> tuple[Index, Array, Array, Array]:
+        mesh, (G, p0, _) = self.mesh, _position_and_rotation(self.mesh, elements, xi)
+        dofs, nc = mesh.dofs[elements], mesh.plan.element.components
+        m, p, _, n = G.shape
+        local = mesh.e0[dofs - mesh.first_dof]
+        for c in (0, 1):
+            p0[:, :, c] = np.einsum("mpn,mn->mp", G[:, :, c], local)
+        kind = (THETA if nc == 3 else DIRECTION) if self.uses_theta else GROUND
+        fields = G.shape[2] if self.uses_theta else 2
+        s = (mesh.starts[elements, None] + xi * mesh.lengths[elements, None]) / mesh.plan.length
+        par = weights_of(w, s, self.formula.address, kind)
+        return (np.repeat(dofs, p, axis=0), np.ascontiguousarray(G[:, :, :fields]).reshape(m * p, fields, n),
+                np.ascontiguousarray(p0[:, :, :fields]).reshape(m * p, fields), par.reshape(m * p, 4))
+
+
+class FollowerLine(LineLoad):
+    """A line load (tangential, normal) per reference length, rotating with the section."""
+
+    law = FOLLOWER
+
+    def _of(self, elements: Index, xi: Array, w: Array) -> tuple[Index, Array, Array, Array]:
         mesh, dofs = self.mesh, self.mesh.dofs[elements]
         G, p0, angle = _position_and_rotation(mesh, elements, xi)
         m, p, _, n = G.shape
@@ -288,7 +279,7 @@ class Distributed:
         mesh = context.meshes[self.on]
         if is_formula(self.value):
             if isinstance(context.amplitude, Answer):
-                raise LoadError(("amplitude",), "the amplitude of a load by formula is a function of time alone",
+                raise PartError(("amplitude",), "the amplitude of a load by formula is a function of time alone",
                                 "a formula in value without probes and controllers")
             cover = covered(mesh, self.from_, self.to, VARYING)
             out.patches.append(FormulaLine(mesh, cover, self.value, context.amplitude))
@@ -309,10 +300,10 @@ def _add(load: Eigenstrain | Temperature, values: tuple[AlongBody, AlongBody, Al
     mesh = context.meshes[load.on]
     plan = mesh.plan
     if plan.rigid:
-        raise LoadError(("on",), f"body '{load.on}' is rigid", "a body that deforms")
+        raise PartError(("on",), f"body '{load.on}' is rigid", "a body that deforms")
     if plan.formulation.natural is None:
         known = [f.name for f in FORMULATIONS.values() if f.natural is not None and f.refuse(plan.element) is None]
-        raise LoadError(("on",), f"formulation {plan.formulation.name} of body '{load.on}' does not support "
+        raise PartError(("on",), f"formulation {plan.formulation.name} of body '{load.on}' does not support "
                         "eigenstrains", "one of " + ", ".join(known))
     out.natural.append(NaturalStrain(mesh, load.from_, load.to, values, context.amplitude))
 
@@ -392,6 +383,6 @@ class Temperature:
         # the mean over the layers may be 0
         if not (section.alpha or any(layer.alpha for layer in section.layers)):
             of = ".section.layers.0" if section.layers else ""
-            raise LoadError(("on",), f"body '{self.on}' has no thermal expansion",
+            raise PartError(("on",), f"body '{self.on}' has no thermal expansion",
                             f"bodies.{self.on}{of}.material.alpha, in 1/K")
         _add(self, (0.0, 0.0, self.value, self.gradient), context, out)

@@ -94,14 +94,6 @@ class NaturalStrain:
         return np.where(inside, np.array([profiles.values(v, s) for v in self.values]), 0.0)
 
 
-class LoadError(ValueError):
-    """A load that is impossible on its body; ``key`` is the path of the wrong entry below the load."""
-
-    def __init__(self, key: tuple[str, ...], message: str, expected: str = "") -> None:
-        super().__init__(message)
-        self.key, self.expected = key, expected
-
-
 class Patch(Protocol):
     """Forces that depend on the configuration, on coordinates ``dofs`` (m, n): point laws, centrifugal forces.
 

@@ -18,7 +18,7 @@ from ..case.schema.case import register
 from ..elements import contact_geometry as geometry
 from ..elements.shape import Array
 from ..model.mesh import BodyMesh
-from ..model.point_patch import NOTHING, Field, position_fields, turn_fields
+from ..model.point_patch import Field, constant_field, position_fields, turn_fields
 from ..model.points import point_ref
 
 PLACE = Vector(Number("m"))
@@ -209,5 +209,5 @@ def frame_of(obstacle: Any, meshes: dict[str, BodyMesh], timing: Any) -> Frame:
         return Frame(geometry.STILL)
     m = obstacle.motion
     origin = obstacle.centre if m.about is None else m.about
-    fields = tuple(Field(NOTHING.coords, NOTHING.weights, p0) for p0 in (*origin, 0.0))
+    fields = tuple(map(constant_field, (*origin, 0.0)))
     return Frame(geometry.BY_ANGLE, fields, tuple(timing.motion(v, 0.0) for v in (m.x, m.y, m.angle)), origin)

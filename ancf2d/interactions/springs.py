@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from operator import add
 from typing import Any, TypeVar
 
 import numpy as np
@@ -23,6 +24,7 @@ from ..model.point_patch import (
     NOTHING,
     Field,
     PointPatch,
+    constant_field,
     constants_of,
     position_fields,
     turn_fields_of_ends,
@@ -50,7 +52,7 @@ End = PointRef | GroundPoint
 
 def _position(end: End) -> list[Field]:
     if isinstance(end, GroundPoint):
-        return [Field(np.zeros(0, dtype=np.int64), np.zeros(0), v) for v in (end.x, end.y)]
+        return [constant_field(v) for v in (end.x, end.y)]
     return position_fields(end)
 
 
@@ -73,19 +75,13 @@ class Spring(PointPatch):
 
 def _distance(ends: list[End]) -> list[list[Field]]:
     """Return the part of each end in the fields x and y of the vector from the first end to the second."""
-    return [[Field(f.coords, sign * f.weights, sign * f.p0) for f in _position(end)]
-            for sign, end in zip((-1.0, 1.0), ends, strict=True)]
+    return [[f.scaled(sign) for f in _position(end)] for sign, end in zip((-1.0, 1.0), ends, strict=True)]
 
 
 def _rotation(ends: list[End]) -> list[list[Field]]:
     """Return the part of each end in the fields for the rotation of the two sections."""
     own = [turn_fields_of_ends([end if isinstance(end, PointRef) else None])[1] for end in ends]
     return [[*own[0], *(NOTHING for _ in own[1])], [*(NOTHING for _ in own[0]), *own[1]]]
-
-
-def _sum(parts: list[list[Field]]) -> list[Field]:
-    return [Field(np.concatenate([a.coords, b.coords]), np.concatenate([a.weights, b.weights]), a.p0 + b.p0)
-            for a, b in zip(*parts, strict=True)]
 
 
 def _of_bodies(ends: list[End], parts: list[list[Field]]) -> list[tuple[PointRef, list[Field]]]:
@@ -96,7 +92,7 @@ def along(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bo
           length: float | None = None) -> Spring:
     """Return a spring along the line between two points; ``length`` is its free length (default: no elongation now)."""
     parts = _distance(ends)
-    fields = _sum(parts)
+    fields = list(map(add, *parts))
     start = math.hypot(*(f.p0 for f in fields))
     out = Spring(law, fields, start if length is None else length, start, [start, *constants], damped)
     out.ends = _of_bodies(ends, parts)
@@ -110,7 +106,7 @@ def about(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bo
     kinds, _ = turn_fields_of_ends(sections)
     counted = [end if kind == DIRECTION else None for end, kind in zip(sections, kinds, strict=True)]
     parts = _rotation(ends)
-    out = Spring(law, _sum(parts), angle or 0.0, 0.0, [*kinds, *constants], damped, counted)
+    out = Spring(law, list(map(add, *parts)), angle or 0.0, 0.0, [*kinds, *constants], damped, counted)
     out.ends = _of_bodies(ends, parts)
     return out
 

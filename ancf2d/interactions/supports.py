@@ -18,6 +18,7 @@ from ..case.schema.case import register
 from ..case.schema.points import POINT, Point
 from ..elements.definition import derivative_order
 from ..elements.shape import Array
+from ..errors import PartError
 from ..model.constraints import Equations, Row, along, combine, hold_along, hold_rotation, prescribe_rotation
 from ..model.mesh import Index
 from ..model.points import PointRef
@@ -26,14 +27,6 @@ from .forces import SPREAD
 
 R = TypeVar("R", bound=type)
 SPREAD_DOC = "Hold the mean of the section with this weight instead of the axis (relevant for q >= 2)"
-
-
-class SupportError(ValueError):
-    """A support that is impossible at its point; ``key`` names the entry."""
-
-    def __init__(self, key: tuple[str | int, ...], message: str, expected: str = "", near: str = "") -> None:
-        super().__init__(message)
-        self.key, self.expected, self.near = key, expected, near
 
 
 def support(cls: R) -> R:
@@ -88,7 +81,7 @@ def _breathe(point: PointRef, owner: str, out: Equations) -> None:
     """Hold the mean position and keep the section straight and its direction fixed; it may stretch."""
     element = point.mesh.plan.element
     if element.section_kind != "interpolated":
-        raise SupportError(("hold",), f"sections of type {element.name} are rigid and cannot breathe", "section or all")
+        raise PartError(("hold",), f"sections of type {element.name} are rigid and cannot breathe", "section or all")
     across = point.director()[1]
     angle = across - 0.5 * math.pi
     out.rows.append(hold_along(point.position(), angle, owner, "axial position"))
@@ -214,14 +207,14 @@ class Fix:
     def add(self, point: PointRef, owner: str, timing: Timing, out: Equations) -> None:
         """Hold the named coordinates of the node."""
         if point.node is None:
-            raise SupportError(("at",), f"fix holds coordinates of a node, and there is no node at {point.label}",
-                               "a node, or a support of type pin, roller or clamp")
+            raise PartError(("at",), f"fix holds coordinates of a node, and there is no node at {point.label}",
+                            "a node, or a support of type pin, roller or clamp")
         coordinates = _coordinates(point)
         names = list(dict.fromkeys(name for _, name in coordinates))
         for k, name in enumerate(self.coordinates):
             if name not in names:
-                raise SupportError(("coordinates", k), f"{point.mesh.plan.element.name} has no coordinate '{name}' at "
-                                   f"{point.label}", "one of " + ", ".join(names))
+                raise PartError(("coordinates", k), f"{point.mesh.plan.element.name} has no coordinate '{name}' at "
+                                f"{point.label}", "one of " + ", ".join(names))
             out.rows += [Row(*_single(dof), owner, name) for dof, other in coordinates if other == name]
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from operator import add
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,12 +23,13 @@ from ..case.schema.points import POINT, POSITION, GroundPoint, Point, Probe
 from ..case.schema.profiles import Profile, ProfileOf
 from ..elements.point_laws import DIRECTION, THETA
 from ..elements.shape import Array
+from ..errors import PartError
 from ..model.mesh import BodyMesh, Index
-from ..model.point_patch import NOTHING, Field, PointPatch, position_fields
+from ..model.point_patch import NOTHING, Field, PointPatch, constant_field, position_fields
 from ..model.points import PointRef, point_ref
 from ..model.profiles import SIDE, breaks, values
 from .body_loads import VARYING, covered
-from .forces import AMPLITUDE, AMPLITUDE_DOC, LoadContext, LoadError, LoadSet, load, moment_at
+from .forces import AMPLITUDE, AMPLITUDE_DOC, LoadContext, LoadSet, load, moment_at
 from .tendon_laws import ELASTIC, TENSION, piece, slopes, taut
 
 # greatest number of fields of an elastic tendon, which has one stiffness matrix for all of them
@@ -101,15 +103,7 @@ class ElasticTendon(PointPatch):
         """Do nothing: without slack it does not pull in the reference."""
 
 
-def _number(value: float) -> Field:
-    return Field(NOTHING.coords, NOTHING.weights, value)
-
-
 _NO_ARM = [NOTHING] * 5
-
-
-def _scaled(fields: Sequence[Field], factor: float) -> list[Field]:
-    return [Field(f.coords, factor * f.weights, factor * f.p0) for f in fields]
 
 
 def _derivative(point: PointRef, i: int, j: int, components: Sequence[int]) -> list[Field]:
@@ -123,22 +117,18 @@ def _arm(point: PointRef, y: float) -> list[Field]:
     """Return the arm to a place y off the axis at a point, for types whose sections follow from the axis."""
     if point.turns_by_theta:
         # the section's own angle, which at mid-nodes of an arc differs a little from that of the interpolated axis
-        return [*_derivative(point, 0, 0, [2]), NOTHING, NOTHING, _number(y), _number(THETA)]
-    return [*_derivative(point, 1, 0, [0, 1]), NOTHING, _number(y), _number(DIRECTION)]
+        return [*_derivative(point, 0, 0, [2]), NOTHING, NOTHING, constant_field(y), constant_field(THETA)]
+    return [*_derivative(point, 1, 0, [0, 1]), NOTHING, constant_field(y), constant_field(DIRECTION)]
 
 
 def _eyelet(point: PointRef | GroundPoint, y: float, sign: float) -> tuple[list[Field], list[Field]]:
     """Return the position of an eyelet times a sign: the part linear in the coordinates, and the arm off the axis."""
     if isinstance(point, GroundPoint):
-        return [_number(sign * point.x), _number(sign * point.y)], _NO_ARM
+        return [constant_field(sign * point.x), constant_field(sign * point.y)], _NO_ARM
     if y == 0.0 or point.mesh.plan.element.section_kind == "interpolated":
         at = point_ref(point.mesh, point.s, y)
-        return _scaled(position_fields(at), sign), _NO_ARM
-    return _scaled(position_fields(point), sign), _arm(point, sign * y)
-
-
-def _plus(a: Field, b: Field) -> Field:
-    return Field(np.concatenate([a.coords, b.coords]), np.concatenate([a.weights, b.weights]), a.p0 + b.p0)
+        return [f.scaled(sign) for f in position_fields(at)], _NO_ARM
+    return [f.scaled(sign) for f in position_fields(point)], _arm(point, sign * y)
 
 
 class TendonPiece(NamedTuple):
@@ -162,7 +152,7 @@ def spans(eyelets: Sequence[tuple[PointRef | GroundPoint, float]]) -> list[Tendo
         arms = [] if arm_a is _NO_ARM and arm_b is _NO_ARM else [*arm_a, *arm_b]
         shares = ((a, [*la, *arm_a]), (b, [*lb, *_NO_ARM, *arm_b])) if arms else ((a, la), (b, lb))
         ends = [(p, own) for p, own in shares if isinstance(p, PointRef)]
-        out.append(TendonPiece([*map(_plus, la, lb), *arms], ends))
+        out.append(TendonPiece([*map(add, la, lb), *arms], ends))
     return out
 
 
@@ -184,15 +174,15 @@ def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) 
                     along = _derivative(at, 1, 0, [0, 1])
                     slope = rise / length
                     if kind == "interpolated":
-                        up = _scaled(_derivative(at, 0, 1, [0, 1]), slope)
-                        own = _scaled(list(map(_plus, along, up)), weight)
+                        up = [f.scaled(slope) for f in _derivative(at, 0, 1, [0, 1])]
+                        own = [f.scaled(weight) for f in map(add, along, up)]
                     elif kind == "theta":
                         arm = [] if not y else [*_derivative(at, 0, 0, [2]),
-                                                *_scaled(_derivative(at, 1, 0, [2]), -weight * off)]
-                        rises = [] if isinstance(y, float) else [_number(weight * slope)]
-                        own = [*_scaled(along, weight), *arm, *rises]
+                                                *(f.scaled(-weight * off) for f in _derivative(at, 1, 0, [2]))]
+                        rises = [] if isinstance(y, float) else [constant_field(weight * slope)]
+                        own = [*(f.scaled(weight) for f in along), *arm, *rises]
                     else:
-                        own = _scaled(along, weight)
+                        own = [f.scaled(weight) for f in along]
                     out.append(TendonPiece(own, []))
     return out
 
@@ -326,11 +316,11 @@ class Tendon:
                           if isinstance(e, Probe) else (context.point(e), 0.0) for e in self.through])
         plan = context.meshes[self.on].plan
         if plan.rigid:
-            raise LoadError(("on",), f"{self.on} is rigid: a tendon along it has no effect",
+            raise PartError(("on",), f"{self.on} is rigid: a tendon along it has no effect",
                             "a body that deforms, or through")
         if plan.element.section_kind == "tangent" and self.y != 0.0 and (
                 not isinstance(self.y, float) or self.stiffness is not None):
-            raise LoadError(("y",), f"{plan.element.name} can guide a tendon off its axis only with given tension and "
+            raise PartError(("y",), f"{plan.element.name} can guide a tendon off its axis only with given tension and "
                             "constant distance", "reissner3, an ANCF type, or through")
         return guided(context.meshes[self.on], self.from_, self.to, self.y, self._more)
 
@@ -342,7 +332,7 @@ class Tendon:
     def add(self, context: LoadContext, out: LoadSet) -> None:
         """Add the tendon: one patch per piece if its tension is given, one for all pieces if it is elastic.
 
-        Raises LoadError if the tendon is impossible on its body.
+        Raises PartError if the tendon is impossible on its body.
         """
         pieces = self._pieces(context)
         elastic, given = self._put(context, out, pieces), self.tension or 0.0
@@ -361,7 +351,7 @@ class Tendon:
             if whole > MOST:
                 each = 1 if self.on is None else context.meshes[self.on].plan.element.degree_x + 3 + self._more
                 what = "stretches" if self.on is None else "elements"
-                raise LoadError(("stiffness",), f"an elastic tendon couples everything along it: {len(pieces) // each} "
+                raise PartError(("stiffness",), f"an elastic tendon couples everything along it: {len(pieces) // each} "
                                 f"{what} are too many", f"at most {MOST // size // each}")
             pieces = [p.among(k * size, size, whole - (k + 1) * size) for k, p in enumerate(pieces)]
             fields = [f for p in pieces for f in p.fields]

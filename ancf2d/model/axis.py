@@ -16,6 +16,7 @@ from ..case import CurveGeometry, Spline
 from ..case.series import Series, derivative, power, product, series
 from ..case.syntax import Tree, syntax
 from ..elements.shape import Array, gauss
+from ..errors import PartError
 from .breakpoints import Break, switches
 
 # Gauss points of a panel; accuracy of its length relative to the whole curve
@@ -31,12 +32,8 @@ JUMPS, SAME, TOUCH = 4, 1e-9, 1e-9
 CLOSED = 1e-6
 
 
-class AxisError(ValueError):
-    """A geometry that is not a smooth curve; ``key`` is the path of the faulty entry below the geometry."""
-
-    def __init__(self, key: tuple[str | int, ...], message: str, expected: str = "") -> None:
-        super().__init__(message)
-        self.key, self.expected = key, expected
+class AxisError(PartError):
+    """A geometry that is not a smooth curve."""
 
 
 class Axis(Protocol):

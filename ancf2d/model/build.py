@@ -19,17 +19,16 @@ from ..case import (
     Static,
 )
 from ..elements.shape import Array, UnsolvableBasisError
-from ..errors import CaseError
+from ..errors import CaseError, PartError
 from ..interactions.body_contact import BodyPair
 from ..interactions.contact import ContactPair
 from ..interactions.flow import Velocity
-from ..interactions.forces import LoadContext, LoadError, LoadSet
+from ..interactions.forces import LoadContext, LoadSet
 from ..interactions.inertia import centrifugal
 from ..interactions.joints import JointContext, JointError, weld_pieces
 from ..interactions.moving import moving_mass
 from ..interactions.obstacles import frame_of
 from ..interactions.springs import moving_spring
-from ..interactions.supports import SupportError
 from .constraints import Equations, keep_lengths, motions
 from .contacts import Contacts
 from .determinacy import drop_repeated, free_motions, linear_row
@@ -145,7 +144,7 @@ class _Builder:
             own = Equations()
             try:
                 support.add(point, name, timing, own)
-            except SupportError as error:
+            except PartError as error:
                 self.report(("boundary_conditions", i, *error.key), str(error), error.expected, error.near)
             else:
                 self._add_equations(own, support.active, point)
@@ -225,7 +224,7 @@ class _Builder:
             before = len(out.springs)
             try:
                 load.add(context, out)
-            except LoadError as error:
+            except PartError as error:
                 self.report(("loads", i, *error.key), f"loads.{i}: {error}", error.expected)
             for tendon in out.springs[before:]:
                 tendon.path = f"loads.{i}"

@@ -55,20 +55,29 @@ def _alike(n: int, sets: list[Index]) -> Index:
     return np.asarray(np.unique(marks, return_inverse=True)[1], dtype=np.int64).ravel()
 
 
-def _graph(count: int, labels: Index, sets: list[Index]) -> Any:
-    """Return the graph of labels that share a row of a set, as a sparse matrix with the diagonal."""
-    from scipy.sparse import coo_matrix, identity
+def meeting(n: int, sets: list[Index]) -> Any:
+    """Return which of n unknowns share a row of a set (-1 for none), as compressed sparse rows with the diagonal.
 
-    rows, columns, first = [], [], 0
+    Computed as a sparse product, because a list of all pairs would exhaust the memory where long bodies touch.
+    """
+    from scipy.sparse import coo_array, eye_array
+
+    rows, columns, first = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
     for part in sets:
         used = part >= 0
         rows.append(np.broadcast_to(first + np.arange(len(part))[:, None], part.shape)[used])
-        columns.append(labels[part[used]])
+        columns.append(part[used])
         first += len(part)
     at = np.concatenate(rows), np.concatenate(columns)
-    inside = coo_matrix((np.ones(len(at[0])), at), shape=(first, count)).tocsr()
-    inside.data[:] = 1.0
-    return (inside.T @ inside + identity(count)).tocsr()
+    inside = coo_array((np.ones(len(at[0]), dtype=np.int32), at), shape=(first, n)).tocsr()
+    out = (inside.T @ inside + eye_array(n, dtype=np.int32, format="csr")).tocsr()
+    out.sort_indices()
+    return out
+
+
+def _graph(count: int, labels: Index, sets: list[Index]) -> Any:
+    """Return which labels share a row of a set."""
+    return meeting(count, [np.where(part >= 0, labels[part], -1) for part in sets])
 
 
 def least_degree(n: int, sets: list[Index]) -> Index:
@@ -76,10 +85,11 @@ def least_degree(n: int, sets: list[Index]) -> Index:
 
     The order is that of SuperLU's multiple minimum degree; equally coupled unknowns are next to each other.
     """
+    from scipy.sparse import csr_matrix
     from scipy.sparse.linalg import splu
 
     labels = _alike(n, sets)
-    graph = _graph(int(labels.max()) + 1, labels, sets)
+    graph = csr_matrix(_graph(int(labels.max()) + 1, labels, sets), dtype=float)
     graph.data[:] = -1.0
     graph.setdiag(1.0 + np.diff(graph.indptr))
     order = splu(graph.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})

@@ -15,7 +15,7 @@ from ..interactions.forces import Patch
 from ..kernels.matrices.layout import Places
 from .breakpoints import comparison_times
 from .constraints import Constraint, Row
-from .fronts import Fronts, band_cost, fronts_cost, least_degree, make_fronts
+from .fronts import Fronts, band_cost, fronts_cost, least_degree, make_fronts, meeting
 from .mesh import BodyMesh, Index
 
 # fronts are tried for at least this many unknowns and a band wider than this many element widths; they are used if the
@@ -116,6 +116,12 @@ class Numbering:
             if len(self.index):
                 np.add.at(sums, self.owner, self.value * z[self.index])
             out[self.dependent] = sums
+
+    def expanded(self, z: Array) -> Array:
+        """Return T z as full coordinates (n_full,), without the right-hand sides."""
+        out = np.zeros(len(self.place))
+        self.expand(z, out)
+        return out
 
 
 @dataclass
@@ -222,26 +228,6 @@ def half_bandwidth(position: Index, sets: list[Index]) -> int:
         if used.any():
             width = max(width, int((high[used] - low[used]).max()))
     return width
-
-
-def meeting(n: int, sets: list[Index]) -> Any:
-    """Return which of n unknowns share a row of a set (-1 for none), as compressed sparse rows with the diagonal.
-
-    Computed as a sparse product, because a list of all pairs would exhaust the memory where long bodies touch.
-    """
-    from scipy.sparse import coo_array, eye_array
-
-    rows, columns, first = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
-    for part in sets:
-        used = part >= 0
-        rows.append(np.broadcast_to(first + np.arange(len(part))[:, None], part.shape)[used])
-        columns.append(part[used])
-        first += len(part)
-    at = np.concatenate(rows), np.concatenate(columns)
-    inside = coo_array((np.ones(len(at[0]), dtype=np.int32), at), shape=(first, n)).tocsr()
-    out = (inside.T @ inside + eye_array(n, dtype=np.int32, format="csr")).tocsr()
-    out.sort_indices()
-    return out
 
 
 def _cuthill_mckee(n: int, sets: list[Index]) -> Index:

@@ -29,13 +29,13 @@ from ..elements.definition import ElementType, derivative_order
 from ..elements.formulations import FORMULATIONS, Formulation, Rule
 from ..elements.registry import RIGID, RIGID_FRAME, RIGID_TYPE
 from ..elements.section import Section
-from ..errors import CaseError, Problem
+from ..errors import CaseError, PartError, Problem
 from .axis import AxisError
 from .curve import AT_NODE, TOGETHER, Array, Piece, is_closed, jumps, knots, pieces_of, short_pieces
 from .grading import grading_of, too_short
 from .own_element import DefinitionError, own_element, undetermined
 from .profiles import VaryingSection, load_breaks, profile_breaks
-from .section import SectionError, is_axis_type, resolve_section, rigid_section, with_memory
+from .section import is_axis_type, resolve_section, rigid_section, with_memory
 
 MAX_BODIES = 1000  # checking this many for free motions takes a minute
 SHORT = 0.1  # approximate turn of one element of a rigid curved body [rad]
@@ -122,19 +122,13 @@ class BodyPlan:
         return r, float(theta)
 
 
-class RefusedError(ValueError):
-    def __init__(self, key: tuple[str | int, ...], message: str, expected: str = "", near: str = "") -> None:
-        super().__init__(message)
-        self.key, self.expected, self.near = key, expected, near
-
-
 def _user_element(spec: Element, definition: ElementDefinition) -> ElementType:
     try:
         reason = undetermined(element := own_element(definition, str(spec.definition)))
     except DefinitionError as error:
         reason = str(error)
     if reason is not None:
-        raise RefusedError(("element", "definition"), f"element {definition.name} in {spec.definition}: {reason}")
+        raise PartError(("element", "definition"), f"element {definition.name} in {spec.definition}: {reason}")
     return element
 
 
@@ -142,8 +136,8 @@ def _element_type(spec: Element, definition: ElementDefinition | None) -> Elemen
     if definition is not None:
         return _user_element(spec, definition)
     if spec.type == "auto":
-        raise RefusedError(("element", "type"), "element auto works only with 'ancf2d run' and 'ancf2d sweep'",
-                       "one of " + ", ".join(registry.names()))
+        raise PartError(("element", "type"), "element auto works only with 'ancf2d run' and 'ancf2d sweep'",
+                        "one of " + ", ".join(registry.names()))
     return registry.element_type(spec.type, spec.order)
 
 
@@ -152,22 +146,22 @@ def _formulation(spec: Element, element: ElementType, name: str) -> Formulation:
     reason = formulation.refuse(element)
     if reason is not None:
         offered = [f.name for f in FORMULATIONS.values() if f.refuse(element) is None]
-        raise RefusedError(("element", "formulation"), f"{element.name} has no formulation {name}: {reason}",
-                       "one of " + ", ".join(offered))
+        raise PartError(("element", "formulation"), f"{element.name} has no formulation {name}: {reason}",
+                        "one of " + ", ".join(offered))
     return formulation
 
 
 def _rule(chosen: Any, element: ElementType, formulation: Formulation, curved: bool) -> Rule:
     if isinstance(chosen, Selective):
         if not formulation.selective:
-            raise RefusedError(("element", "quadrature"),
-                               f"formulation {formulation.name} uses one quadrature for all strains", "[nx, ny]")
+            raise PartError(("element", "quadrature"),
+                            f"formulation {formulation.name} uses one quadrature for all strains", "[nx, ny]")
         return Rule(chosen.normal, chosen.shear)
     if chosen == "exact":
         rule = formulation.exact(element)
         if rule is None or curved:
             why = "on a curved axis" if curved else f"for formulation {formulation.name}"
-            raise RefusedError(("element", "quadrature"), f"no finite quadrature is exact {why}", "[nx, ny]")
+            raise PartError(("element", "quadrature"), f"no finite quadrature is exact {why}", "[nx, ny]")
         return Rule(rule, rule)
     return Rule(tuple(chosen), tuple(chosen)) if chosen else default_rule(element, formulation)
 
@@ -237,7 +231,7 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
               acting: Sequence[float] = (), points: Sequence[float] = (), moving: bool = False) -> BodyPlan:
     """Resolve one body; ``acting`` are the places S where something acts, ``points`` those of concentrated actions.
 
-    Raises RefusedError, SectionError or CaseError with the reason.
+    Raises PartError or CaseError with the reason.
     """
     spec = body.element
     if spec.type == RIGID_TYPE.name:
@@ -246,7 +240,7 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     preset = element.preset if spec.preset == "paper" else {}
     if spec.preset == "paper" and not preset:
         offered = ", ".join(t.name for t in registry.ELEMENTS.values() if t.preset)
-        raise RefusedError(("element", "preset"), f"the paper does not use {element.name}", f"preset on {offered}")
+        raise PartError(("element", "preset"), f"the paper does not use {element.name}", f"preset on {offered}")
     usual = _of_layers(element) if isinstance(body.section, Layers) else element.formulation
     formulation = _formulation(spec, element, spec.formulation or str(preset.get("formulation", usual)))
     assert spec.number is not None  # a flexible body without one is refused
@@ -258,17 +252,17 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     kinks += jumps(body.geometry) if knows_curvature(element) else []
     pieces = pieces_of(body.geometry, spec.number, acting if free else (), refine, kinks, grading)
     if unequal := too_short(spec, [p.l for p in pieces], TOGETHER):
-        raise RefusedError(*unequal)
+        raise PartError(*unequal)
     theirs = definition.quadrature if definition is not None and formulation.name == element.formulation else None
     rule = _rule(spec.quadrature or preset.get("quadrature") or theirs, element, formulation,
                  any(p.kappa != 0.0 for p in pieces))
     if isinstance(body.section, Layers) and formulation.name == "continuum" and not rule.uniform:
-        raise RefusedError(("element", "quadrature"), "layers in formulation continuum use one quadrature for "
-                           "all strains", "[nx, ny], where ny is the number of points across each layer")
+        raise PartError(("element", "quadrature"), "layers in formulation continuum use one quadrature for "
+                        "all strains", "[nx, ny], where ny is the number of points across each layer")
     k: Any = spec.shear_factor if spec.shear_factor is not None else preset.get("shear_factor")
     if spec.shear_factor is not None and element.section_kind == "tangent":
-        raise RefusedError(("element", "shear_factor"), f"{element.name} has no shear, so shear_factor has no effect",
-                       "no shear_factor")
+        raise PartError(("element", "shear_factor"), f"{element.name} has no shear, so shear_factor has no effect",
+                        "no shear_factor")
     section, varying = resolve_section(body, element, formulation, k)
     formulation, rule = with_memory(spec, formulation, section, rule)
     smooth = knots(body.geometry)
@@ -281,8 +275,8 @@ def _plan_rigid(name: str, body: Body) -> BodyPlan:
     """Resolve a rigid body, ignoring its count: a bar per straight piece, or short stretches of a curve in a frame."""
     for key in ("formulation", "quadrature", "shear_factor", "preset", "nodes", "grading", "refine"):
         if getattr(body.element, key) is not None:
-            raise RefusedError(("element", key), f"bodies.{name}: a rigid body does not deform, so {key} has no effect",
-                               f"no {key}")
+            raise PartError(("element", key), f"bodies.{name}: a rigid body does not deform, so {key} has no effect",
+                            f"no {key}")
     bars = isinstance(body.geometry, Line | Polyline)
     pieces = pieces_of(body.geometry, body.geometry.least) if bars else short_pieces(body.geometry, SHORT)
     section, varying = rigid_section(body, pieces)
@@ -319,7 +313,7 @@ def plan_bodies(loaded: LoadedCase, moving: bool = False, known: Mapping[str, Bo
         except AxisError as error:
             problems.append(loaded.source.problem(("bodies", name, "geometry", *error.key),
                                                   f"bodies.{name}.geometry: {error}", expected=error.expected or None))
-        except (RefusedError, SectionError) as error:
+        except PartError as error:
             path = ("bodies", name, *error.key)
             problems.append(loaded.source.problem(path, str(error), expected=error.expected or None))
         except CaseError as error:
@@ -334,24 +328,24 @@ def plan_bodies(loaded: LoadedCase, moving: bool = False, known: Mapping[str, Bo
 
 
 def _check_mass(plan: BodyPlan) -> None:
-    """Raise SectionError if the centre of mass is off the axis but the element type has its mass on the axis."""
+    """Raise PartError if the centre of mass is off the axis but the element type has its mass on the axis."""
     section = plan.section
     if is_axis_type(plan.element) and abs(section.rhoS) > 1e-9 * section.rhoA * section.height:
         off = section.rhoS / section.rhoA
-        raise SectionError(("section", "axis"), f"bodies.{plan.name}: the centre of mass is {off:g} away from the "
-                           f"axis, but {plan.element.name} has its mass on the axis",
-                           f"axis: {section.height_of_axis + off:.9g}, or a type of vallejo, ancf")
+        raise PartError(("section", "axis"), f"bodies.{plan.name}: the centre of mass is {off:g} away from the "
+                        f"axis, but {plan.element.name} has its mass on the axis",
+                        f"axis: {section.height_of_axis + off:.9g}, or a type of vallejo, ancf")
 
 
 def _computable(plan: BodyPlan) -> BodyPlan:
-    """Return a plan unchanged; raise RefusedError if its length or section exceeds the floating-point range."""
+    """Return a plan unchanged; raise PartError if its length or section exceeds the floating-point range."""
     section, power = plan.section, plan.length**4
     # the third is the square of the scale of its frequencies
     sizes = (power, 1.0 / power, section.EI / (section.rhoA * power) if section.rhoA else 0.0,
              *(1.0 / p.l for p in plan.pieces), *(p.kappa or 0.0 for p in plan.pieces), section.height,
              section.width, section.EA, section.kGA, section.EI, section.rhoA, section.rhoI)
     if not all(map(math.isfinite, sizes)):
-        raise RefusedError((), _incomputable(plan.name))
+        raise PartError((), _incomputable(plan.name))
     return plan
 
 

@@ -30,8 +30,22 @@ class Field:
     weights: Array
     p0: float = 0.0
 
+    def scaled(self, factor: float) -> Field:
+        """Return the field times a factor."""
+        return Field(self.coords, factor * self.weights, factor * self.p0)
+
+    def __add__(self, other: Field) -> Field:
+        """Return the sum of two fields."""
+        return Field(np.concatenate([self.coords, other.coords]), np.concatenate([self.weights, other.weights]),
+                     self.p0 + other.p0)
+
 
 NOTHING = Field(np.zeros(0, dtype=np.int64), np.zeros(0))
+
+
+def constant_field(value: float) -> Field:
+    """Return a field that depends on no coordinate."""
+    return Field(NOTHING.coords, NOTHING.weights, value)
 
 
 def position_fields(point: PointRef, spread: str | None = None) -> list[Field]:

@@ -16,6 +16,7 @@ from ..elements.maxwell import relaxing
 from ..elements.neo_hooke import neo_hookean
 from ..elements.section import Layer, Section, laminate, timoshenko
 from ..elements.shape import Array, gauss
+from ..errors import PartError
 from .curve import Piece
 from .profiles import VaryingSection, profile_breaks, profiles_of
 
@@ -25,14 +26,6 @@ DRAWN = 0.05
 LEAST, MOST = 1e-100, 1e100
 # points of a rigid body between two cuts
 POINTS = 20
-
-
-class SectionError(ValueError):
-    """A section that an element cannot have; ``key`` is the path of the faulty entry below the body."""
-
-    def __init__(self, key: tuple[str | int, ...], message: str, expected: str = "") -> None:
-        super().__init__(message)
-        self.key, self.expected = key, expected
 
 
 def shear_factor(value: str | float | None, element: ElementType, nu: float) -> float:
@@ -52,7 +45,7 @@ def resolve_section(body: Body, element: ElementType, formulation: Formulation, 
                     ) -> tuple[Section, VaryingSection | None]:
     """Return the section constants of a body, and the section as a function of place if it varies (else None).
 
-    The constants of a varying section are its means. Raises SectionError for what the element or arithmetic cannot
+    The constants of a varying section are its means. Raises PartError for what the element or arithmetic cannot
     have.
     """
     laws = _laws_of(body, element, formulation)
@@ -69,7 +62,7 @@ def resolve_section(body: Body, element: ElementType, formulation: Formulation, 
 
 
 def _laws_of(body: Body, element: ElementType, formulation: Formulation) -> tuple[Uniaxial, ...]:
-    """Return the fibre law of each layer of a section; empty if all are linear. Raises SectionError."""
+    """Return the fibre law of each layer of a section; empty if all are linear. Raises PartError."""
     layers = isinstance(body.section, Layers)
     materials = [l.material for l in body.section.layers] if isinstance(body.section, Layers) else [body.material]
     found = [k for k, m in enumerate(materials) if m is not None and m.fibres]
@@ -78,11 +71,11 @@ def _laws_of(body: Body, element: ElementType, formulation: Formulation) -> tupl
     at: tuple[str | int, ...] = ("section", "layers", found[0], "material") if layers else ("material",)
     if formulation.fibres is None:
         known = [f.name for f in FORMULATIONS.values() if f.fibres is not None and f.refuse(element) is None]
-        raise SectionError(at, f"formulation {formulation.name} has no fibres that can yield or follow a curve",
-                           f"formulation {' or '.join(known)}" if known else "a type of cable, reissner2, reissner3")
+        raise PartError(at, f"formulation {formulation.name} has no fibres that can yield or follow a curve",
+                        f"formulation {' or '.join(known)}" if known else "a type of cable, reissner2, reissner3")
     if not isinstance(body.section, Layers | Rectangle):
-        raise SectionError(("section",), "an area and its second moment do not define the fibres", "{height, width} or "
-                           "{width, layers}")
+        raise PartError(("section",), "an area and its second moment do not define the fibres", "{height, width} or "
+                        "{width, layers}")
     return tuple(_law(m) for m in materials if m is not None)
 
 
@@ -103,25 +96,25 @@ def _law(material: Material) -> Uniaxial:
 
 
 def _neo_hookean(spec: Any, formulation: Formulation, rule: Rule) -> Formulation:
-    """Return the formulation for a neo-Hookean material. Raises SectionError if the element cannot have it."""
+    """Return the formulation for a neo-Hookean material. Raises PartError if the element cannot have it."""
     at, known = ("material", "law"), [f.name for f in FORMULATIONS.values() if f.points]
     if not formulation.points:
-        raise SectionError(at, f"formulation {formulation.name} does not support the law neo_hooke, which needs "
-                           "stresses at points of the section", f"a type with formulation {' or '.join(known)}")
+        raise PartError(at, f"formulation {formulation.name} does not support the law neo_hooke, which needs "
+                        "stresses at points of the section", f"a type with formulation {' or '.join(known)}")
     if not rule.uniform:
-        raise SectionError(("element", "quadrature"), "the law neo_hooke uses one quadrature for all strains",
-                           "[nx, ny]")
+        raise PartError(("element", "quadrature"), "the law neo_hooke uses one quadrature for all strains",
+                        "[nx, ny]")
     for name in ("shear_factor", "preset"):
         if getattr(spec, name) is not None:
-            raise SectionError(("element", name), f"the law neo_hooke has no shear factor, so {name} cannot be given",
-                               f"no {name}")
+            raise PartError(("element", name), f"the law neo_hooke has no shear factor, so {name} cannot be given",
+                            f"no {name}")
     return neo_hookean(formulation)
 
 
 def with_memory(spec: Any, formulation: Formulation, section: Section, rule: Rule) -> tuple[Formulation, Rule]:
     """Return formulation and rule for a material with fibre, Maxwell or neo-Hookean law; the given ones if linear.
 
-    ``spec`` is the element of the case. There is one fibre at each point across a layer. Raises SectionError if these
+    ``spec`` is the element of the case. There is one fibre at each point across a layer. Raises PartError if these
     are too few to bend.
     """
     if section.neo_hooke:
@@ -131,8 +124,8 @@ def with_memory(spec: Any, formulation: Formulation, section: Section, rule: Rul
     if spec.quadrature in (None, "exact"):
         rule = Rule((rule.normal[0], FIBRES), (rule.shear[0], FIBRES if rule.uniform else 1), rule.lobatto)
     if rule.normal[1] < 2:
-        raise SectionError(("element", "quadrature"), "a single fibre through each layer has no bending stiffness",
-                           f"[nx, ny] with ny fibres through each layer, {FIBRES} by default")
+        raise PartError(("element", "quadrature"), "a single fibre through each layer has no bending stiffness",
+                        f"[nx, ny] with ny fibres through each layer, {FIBRES} by default")
     return fibres_of(formulation, section, rule.normal[1]), rule
 
 
@@ -141,15 +134,15 @@ def _varies(body: Body) -> bool:
 
 
 def _check_range(section: Section) -> None:
-    """Raise SectionError if a section constant is too small or too large for floating-point arithmetic."""
+    """Raise PartError if a section constant is too small or too large for floating-point arithmetic."""
     constants = {"A": section.height * section.width, "EA": section.EA, "kGA": section.kGA, "EI": section.EI}
     if np.any(section.rhoA):
         constants["rhoA"] = section.rhoA
     for name, found in constants.items():
         for value in (found,) if isinstance(found, float) else np.ravel(found).tolist():
             if not LEAST <= value <= MOST:
-                raise SectionError(("section",), f"the section has {name} = {value:g}, whose products exceed the range "
-                                   "of floating-point numbers", f"{LEAST:g} to {MOST:g}, perhaps in other units")
+                raise PartError(("section",), f"the section has {name} = {value:g}, whose products exceed the range "
+                                "of floating-point numbers", f"{LEAST:g} to {MOST:g}, perhaps in other units")
 
 
 def _resolved(body: Any, element: ElementType, formulation: Formulation, k: str | float | None) -> Section:
@@ -199,7 +192,7 @@ def _from_layers(given: Layers, k: str | float | None) -> Section:
 
 def _from_stiffness(s: Any, element: ElementType, formulation: Formulation, alpha: float) -> Section:
     if element.section_kind != "tangent" and s.kGA is None:
-        raise SectionError(("section",), f"{element.name} has shear: section needs kGA")
+        raise PartError(("section",), f"{element.name} has shear: section needs kGA")
     h = np.sqrt(12.0 * s.EI / s.EA)
     A = h * h
     E = s.EA / A
@@ -209,12 +202,12 @@ def _from_stiffness(s: Any, element: ElementType, formulation: Formulation, alph
         theirs = rhoA * s.EI / s.EA
         other = _first((rhoA != 0.0) & ~np.isclose(rhoI, theirs, rtol=1e-6, atol=0.0), rhoI, theirs)
         if other is not None:
-            raise SectionError(
+            raise PartError(
                 ("section", "rhoI"), f"{element.name} needs the inertia of a rectangle: section.rhoI is {other[0]:g}",
                 f"rhoA EI/EA = {other[1]:g}, or a type of cable, reissner2, reissner3")
         beyond = _first((kGA <= 0.0) | (kGA > 0.5 * s.EA * (1 + 1e-12)), kGA, 0.5 * s.EA)
         if formulation.name != "structural" and beyond is not None:
-            raise SectionError(
+            raise PartError(
                 ("section", "kGA"), f"{element.name} with formulation {formulation.name} integrates the shear of a "
                 f"rectangle with nu = 0, but section.kGA is {beyond[0]:g}",
                 f"0 < kGA <= GA = EA/2 = {beyond[1]:g}, formulation structural, or reissner2, reissner3")

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from ancf2d.errors import ResultsError
 from ancf2d.plot import style
 from ancf2d.plot.body import no_states
+from ancf2d.plot.curves import t_axis
 from ancf2d.plot.picture import Kind, Source
 from ancf2d.results import Results
 
@@ -112,9 +113,9 @@ def zones(sources: Sequence[Source], *, body: str | None = None) -> Zones:
                       for k, face in enumerate(_faces(results, name))]
     touched = sorted((z for z in found if z.pressure.max() > 0.0), key=lambda z: -float(z.pressure.max())) or found[:1]
     kept = [z for z in found if any(z is one for one in touched[:MOST])]
-    over = ("time", results.units.time) if results.over_time else ("load factor", "1")
     units = next(iter(records.values())).units
-    return Zones(results.title, over, results.units.length, units, results.t, kept, max(0, len(touched) - MOST))
+    return Zones(results.title, t_axis(results), results.units.length, units, results.t, kept,
+                 max(0, len(touched) - MOST))
 
 
 def _missing(results: Results) -> str:

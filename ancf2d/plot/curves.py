@@ -43,13 +43,17 @@ def quantities_of(value: str | Sequence[str] | None) -> list[str]:
     return [name for entry in names_of(value) for name in names_of(entry)]
 
 
+def near_hint(name: str, known: Sequence[str]) -> str:
+    """Return the question whether the known name most like a wrong one was meant, or an empty text."""
+    near = difflib.get_close_matches(name, known, 1)
+    return f"; did you mean '{near[0]}'?" if near else ""
+
+
 def chosen_names(wanted: list[str], known: list[str], what: str, file: object) -> list[str]:
     """Return the wanted names. Raises ResultsError if one is unknown."""
     for name in wanted:
         if name not in known:
-            near = difflib.get_close_matches(name, known, 1)
-            hint = f"; did you mean '{near[0]}'?" if near else ""
-            raise ResultsError(f"'{file}' has no {what} '{name}' (it has {', '.join(known)}){hint}")
+            raise ResultsError(f"'{file}' has no {what} '{name}' (it has {', '.join(known)}){near_hint(name, known)}")
     return wanted
 
 
@@ -111,7 +115,8 @@ def _panels(sources: Sequence[Source], probe: str | Sequence[str] | None,
     return list(panels.values())
 
 
-def _t_axis(results: Results) -> tuple[str, str]:
+def t_axis(results: Results) -> tuple[str, str]:
+    """Return the label and units of time or load factor."""
     if results.over_time:
         return "time", results.units.time
     return "load factor", "1"
@@ -145,7 +150,7 @@ def history(sources: Sequence[Source], *, probe: str | Sequence[str] | None = No
             quantity: str | Sequence[str] | None = None) -> Curves:
     """Build probe quantities over time (default: displacements, rotations and outputs of controllers)."""
     panels = _panels(sources, probe, quantity, ("displacement", "rotation", "controller output"),
-                     _t_axis(sources[0].results), False)
+                     t_axis(sources[0].results), False)
     for source in sources:
         _add_windows(source, panels)
         _add_events(source, panels)

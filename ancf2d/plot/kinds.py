@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from ancf2d.errors import ResultsError
 from ancf2d.plot.contact import CONTACT
 from ancf2d.plot.convergence import CONVERGENCE, TRADEOFF, WORK_PRECISION
-from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION, MOMENT_CURVATURE, STRESS_STRAIN
+from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION, MOMENT_CURVATURE, STRESS_STRAIN, near_hint
 from ancf2d.plot.difference import DIFFERENCE
 from ancf2d.plot.fields import FIELDS
 from ancf2d.plot.modes import MODES
@@ -83,11 +82,6 @@ def _options(kind: Kind, animated: bool = False) -> tuple[str, ...]:
     return tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
 
 
-def _near(name: str, known: Sequence[str]) -> str:
-    near = difflib.get_close_matches(name, known, 1)
-    return f"; did you mean '{near[0]}'?" if near else ""
-
-
 def _sources(results: Input) -> list[Source]:
     """Return the files with labels: file name or whole path, with the element types if these differ."""
     if isinstance(results, Results):
@@ -121,7 +115,7 @@ def chosen_kind(results: Input, kind: str | None, options: Mapping[str, Any], an
     name = kind or (default_animated if animated else default_kind)(sources[0].results)
     if name not in KINDS:
         raise ResultsError(f"unknown kind of figure '{name}' (known: {', '.join(KINDS)})"
-                           f"{_near(name, list(KINDS))}")
+                           f"{near_hint(name, list(KINDS))}")
     chosen = KINDS[name]
     if chosen.single and len(sources) > 1:
         raise ResultsError(f"{name} is drawn from one file at a time, not from {len(sources)}")
@@ -132,7 +126,7 @@ def chosen_kind(results: Input, kind: str | None, options: Mapping[str, Any], an
     known = _options(chosen, animated)
     for option in options:
         if option not in known:
-            raise ResultsError(f"{name} has no option '{option}' (it has {', '.join(known)}){_near(option, known)}")
+            raise ResultsError(f"{name} has no option '{option}' (it has {', '.join(known)}){near_hint(option, known)}")
     return sources, chosen
 
 

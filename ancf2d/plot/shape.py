@@ -33,6 +33,7 @@ from ancf2d.plot.body import (
     when,
     with_obstacles,
 )
+from ancf2d.plot.curves import t_axis
 from ancf2d.plot.picture import Kind, Source, common_title
 from ancf2d.results import Results
 from ancf2d.results.obstacles import Obstacle, obstacles_of
@@ -336,8 +337,8 @@ def snapshots(sources: Sequence[Source], *, at: str | None = None, count: int = 
                                   [s for s in symbols_of(results, i, factor) if any(s.tracks)]))
     files = [s.label or s.results.path.name for s in sources]
     first = sources[0].results
-    axis = ("time", first.units.time) if first.over_time else ("load factor", "1")
-    return Snapshots(common_title(sources), magnified(factor).lstrip(", "), first.units.length, moments, files, axis)
+    return Snapshots(common_title(sources), magnified(factor).lstrip(", "), first.units.length, moments, files,
+                     t_axis(first))
 
 
 def _few(results: Results) -> str:

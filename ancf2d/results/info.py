@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ancf2d.errors import many
 from ancf2d.results.reader import open_results
 from ancf2d.results.records import OVER_TIME
 
@@ -68,8 +69,8 @@ def describe_text(found: dict[str, Any]) -> str:
         ("overrides", ", ".join(made["overrides"])),
         ("versions", ", ".join(f"{k} {v}" for k, v in made["versions"].items())),
         ("units", ", ".join(units.values())),
-        ("size", f"{_many(found['dofs'], 'nodal coordinate')}, "
-                 f"{_many(found['states'], 'state')}, {_many(found['steps'], 'step')}" if found["bodies"] else ""),
+        ("size", f"{many(found['dofs'], 'nodal coordinate')}, "
+                 f"{many(found['states'], 'state')}, {many(found['steps'], 'step')}" if found["bodies"] else ""),
     ]
     if found["range"]:
         moves = found["solver"] in OVER_TIME
@@ -131,8 +132,8 @@ def _accuracy(accuracy: Any) -> str:
 def _sections(found: dict[str, Any]) -> list[tuple[str, str]]:
     rows = []
     for name, body in found["bodies"].items():
-        rows.append(("body", f"{name}: {_many(body['elements'], 'element')} {body['element']}, "
-                             f"{body['formulation']}, {_many(body['nodes'], 'node')}, "
+        rows.append(("body", f"{name}: {many(body['elements'], 'element')} {body['element']}, "
+                             f"{body['formulation']}, {many(body['nodes'], 'node')}, "
                              f"length {body['length']:.12g} {found['units']['length']}"
                              + (", height {:.6g} to {:.6g} {}".format(*body["heights"], found["units"]["length"])
                                 if body["heights"] else "")))
@@ -151,7 +152,7 @@ def _sections(found: dict[str, Any]) -> list[tuple[str, str]]:
                            if isinstance(v, (int, float)))
         rows.append(("energy", values))
     for name, table in found["tables"].items():
-        rows.append(("table", f"{name}: {_many(table['rows'], 'row')} of "
+        rows.append(("table", f"{name}: {many(table['rows'], 'row')} of "
                               f"{', '.join(table['columns'])}"))
     for name, shape in found["arrays"].items():
         rows.append(("array", f"{name}: {' x '.join(map(str, shape))}"))
@@ -173,10 +174,6 @@ def _touch(contact: dict[str, Any], units: dict[str, str]) -> str:
 
 def _resumed(times: int) -> str:
     return "" if not times else ", resumed once" if times == 1 else f", resumed {times} times"
-
-
-def _many(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _unit(units: str) -> str:

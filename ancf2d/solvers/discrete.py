@@ -134,8 +134,7 @@ class DiscreteModel:
         """Return d (n_full,) or its rates from the unknowns in the order of the system; multipliers have no rates."""
         if order == 0:
             return self._model.displacements(z, t)
-        out = np.zeros(len(self._reference))
-        self._model.numbering.expand(z, out)
+        out = self._model.numbering.expanded(z)
         if self._moving:
             self._model.prescribed(t, out, order)
         out[self._model.n_q:] = 0.0

@@ -13,10 +13,10 @@ from ..kernels.lowlevel.records import Record
 from ..kernels.matrices.layout import Fronts, entries
 from ..kernels.matrices.matrix import Band, Csr, scatter_classes
 from ..model.classes import mass_matrix
-from ..model.fronts import make_fronts
+from ..model.fronts import make_fronts, meeting
 from ..model.mesh import Index
 from ..model.model import Model
-from ..model.numbering import Numbering, meeting
+from ..model.numbering import Numbering
 from .ldl import SINGULAR, Multipliers, Pivots, SymmetricBand, SymmetricFronts
 from .state import State
 

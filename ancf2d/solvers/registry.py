@@ -21,7 +21,7 @@ from ..case import (
     Static,
 )
 from ..case.binder import dotted
-from ..case.material_checks import materials_of
+from ..case.part_checks import materials_of
 from ..elements.shape import Array
 from ..interactions.moving import off_body_warnings
 from ..model.model import Model

@@ -296,9 +296,7 @@ class System:
         num = self.model.numbering
 
         def apply(z: Array) -> Array:
-            full = np.zeros(len(d))
-            num.expand(z, full)
-            return num.reduce(self.action(d, full, t, loads=True))
+            return num.reduce(self.action(d, num.expanded(z), t, loads=True))
 
         self.check_strained(apply, pivots, {"factor": float(f"{t:.6g}")})
 

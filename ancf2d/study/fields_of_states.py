@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..case import Dynamic, LoadedCase, Stiffness, load_case_text
-from ..case.material_checks import refused_field
+from ..case.part_checks import refused_field
 from ..case.records import tag_of
 from ..errors import Ancf2dError
 from ..results import FieldRecord, Results

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from ..model.model import Model
 from .record import Progress
 from .run import Outcome, Solve, describe_goal, quantity, run_case
 from .windows import window_key, window_of
+
+if TYPE_CHECKING:
+    from ..solvers.statics.newton import Start
 
 _KINDS = {"ux": "displacement", "uy": "displacement", "x": "position", "y": "position", "theta": "rotation",
           "vx": "velocity", "vy": "velocity", "omega": "rate", "N": "force", "Q": "force", "fx": "force", "fy": "force",
@@ -175,6 +178,14 @@ class Solved:
     def summary(self) -> dict[str, Any]:
         """The object that ``--json`` prints."""
         return self.outcome.summary
+
+    def start_on(self, model: Model) -> Start | None:
+        """Return the state as a start on another mesh, None if the bodies have other element types there."""
+        from ..model.transfer import transferred
+        from ..solvers.statics.newton import Start
+
+        d = transferred(self.state.d, self.model, model)
+        return None if d is None else Start(d, int(self.state.history["negative_pivots"]), self.state.turned)
 
     @property
     def types(self) -> tuple[str, str]:

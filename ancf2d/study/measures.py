@@ -12,8 +12,8 @@ import numpy as np
 
 from ..case import Goal, LoadedCase
 from ..case.binder import KINEMATIC
-from ..case.material_checks import refused_field
 from ..case.nodes import Mark, Origin
+from ..case.part_checks import refused_field
 from ..case.records import tag_of
 from ..case.syntax import Chain, Comparison, ExpressionError, Names, named_in, syntax
 from ..elements.shape import Array

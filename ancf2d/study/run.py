@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..case import Case, LoadedCase, Vocabulary, load_case
-from ..case.material_checks import material_warnings
 from ..case.numbers import unused_parameters
+from ..case.part_checks import material_warnings
 from ..case.records import tag_of
 from ..case.units import unit_warnings
 from ..elements import registry

@@ -22,7 +22,7 @@ from ancf2d.plot.kinds import build
 from ancf2d.results import Results, ResultWriter, open_results
 from ancf2d.study.fields_of_states import StatesWithFields
 from ancf2d.study.run import load_case, run_case, vocabulary
-from ancf2d.view.page import make_page
+from ancf2d.view import make_page
 
 L, H, B, F = 2.0, 0.4, 0.1, -1000.0
 I, A = B * H**3 / 12, B * H

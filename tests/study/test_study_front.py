@@ -7,7 +7,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ancf2d.study.tradeoff.result import cheapest, pareto
+from ancf2d.study.tradeoff.study import cheapest, pareto
 
 # few values, so that ties are frequent; infinite where nothing is known
 VALUE = st.sampled_from([0.0, 1e-9, 1e-3, 0.5, 1.0, 2.0, math.inf, math.nan])

@@ -15,8 +15,7 @@ from ancf2d.study.pool import ALONE
 from ancf2d.study.run import vocabulary
 from ancf2d.study.tradeoff.measure import Measured
 from ancf2d.study.tradeoff.plan import Choice, Limit, Planner, limit
-from ancf2d.study.tradeoff.result import Row, TradeoffStudy, accuracy_name
-from ancf2d.study.tradeoff.study import tradeoff
+from ancf2d.study.tradeoff.study import Row, TradeoffStudy, accuracy_name, tradeoff
 from ancf2d.study.variants import Variant, parse_variants
 
 F, L, EI, KGA = -3.0, 2.0, 1.0e3, 3.0e5

@@ -19,7 +19,7 @@ import pytest
 from synthetic import HEADER, coordinates, mechanism, tangent_body
 from test_view_page import CASES, embedded
 
-import ancf2d.view.page as page_module
+import ancf2d.view as page_module
 from ancf2d.errors import ResultsError
 from ancf2d.results import ResultWriter, open_results
 from ancf2d.study.run import load, run_case

@@ -51,8 +51,7 @@ class LinearResponse(OneByOne):
     @staticmethod
     def full(model: Model, u: Array) -> Array:
         """Return dd/dt (n_full,) of its unknowns u (n,)."""
-        out = np.zeros(len(model.numbering.place))
-        model.numbering.expand(u, out)
+        out = model.numbering.expanded(u)
         if model.moves:
             zero = np.zeros(len(u))
             out += (model.displacements(zero, SMALL) - model.displacements(zero, -SMALL)) / (2 * SMALL)
@@ -91,9 +90,8 @@ class LinearResponse(OneByOne):
     @staticmethod
     def _moved(model: Model, x: Array) -> Array:
         """Return x (n,) in full coordinates (n_full,), without multipliers."""
-        num, out = model.numbering, np.zeros(len(model.numbering.place))
-        num.expand(np.where(num.free < num.n_q, x, 0.0), out)
-        return out
+        num = model.numbering
+        return num.expanded(np.where(num.free < num.n_q, x, 0.0))
 
     def state_with(self, model: Model, du: Array, numbers: Sequence[int], changes: Array) -> State:
         """Return the linear response of a model with u and some load factors changed (``numbers`` from 1)."""

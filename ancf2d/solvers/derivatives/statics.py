@@ -100,9 +100,8 @@ class Equilibrium(OneByOne):
         d = self.zero if self.linear else model.displacements(self.z, self.t)
 
         def apply(z: Array) -> Array:
-            full = np.zeros(len(d))
-            num.expand(z, full)
-            return num.reduce(self.system.action(d, full, self.t, linear=self.linear, loads=not self.linear))
+            return num.reduce(self.system.action(d, num.expanded(z), self.t, linear=self.linear,
+                                                 loads=not self.linear))
         if not b.any():
             return np.zeros_like(b)
         if model.symmetric or self.linear:
@@ -261,9 +260,8 @@ class PathEnd(OneByOne):
     @staticmethod
     def _stiffness(system: System, d: Array, t: float, x: Array) -> Array:
         """Return K x (n,), computed through the strains."""
-        num, full = system.model.numbering, np.zeros(len(d))
-        num.expand(x, full)
-        return num.reduce(system.action(d, full, t, loads=True))
+        num = system.model.numbering
+        return num.reduce(system.action(d, num.expanded(x), t, loads=True))
 
     def _unbalanced(self, model: Model) -> Array:
         """Return R and g (n + 1,) of a model at this state."""

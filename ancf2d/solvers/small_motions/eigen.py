@@ -16,12 +16,12 @@ from ...elements.shape import Array
 from ...model.model import Model
 from ..state import State
 from .classify import Classifier, Verdict
+from .inputs_and_outputs import warnings_of
 from .linearised import Linearised, small_motions
 from .lowest_modes import Modes, characteristic, first_shift, lowest
 from .projected import Complex, Quadratic
 from .quadratic import AT_REST, Pairs, lowest_pairs, shift_of
 from .relaxing import relaxing_pairs
-from .without_effect import warnings_of
 
 # relative uncertainty of an eigenvalue that causes a warning
 POOR = 1e-6
@@ -135,9 +135,7 @@ def full_shapes(model: Model, vectors: Array, signs: Array | None = None) -> Arr
     """
     out = np.zeros((len(vectors), model.n_q))
     for k, (row, z) in enumerate(zip(out, vectors, strict=True)):
-        full = np.zeros(len(model.numbering.place))
-        model.numbering.expand(z, full)
-        row[:] = full[:model.n_q]
+        row[:] = model.numbering.expanded(z)[:model.n_q]
         row *= largest_sign(model, row) if signs is None else signs[k]
     return out
 

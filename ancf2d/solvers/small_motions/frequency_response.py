@@ -18,10 +18,9 @@ from ...model.model import Model
 from ...results.responses import interpolated
 from ..state import State
 from .factors import Factors
-from .inputs_and_outputs import Input, Inputs, Output, outputs
+from .inputs_and_outputs import Input, Inputs, Output, outputs, warnings_of
 from .linearised import small_motions
 from .projected import Complex, Quadratic, Space, projected_values, within_constraints
-from .without_effect import warnings_of
 
 # minimum numbers of unknowns and frequencies for computing responses in a space of few vectors
 LARGE, MANY = 400, 40
@@ -246,17 +245,17 @@ class _Reduced:
         """Return the responses (frequencies, inputs, outputs) in the space."""
         K, C, M = self.space.project()
         V, num = self.space.V, self.problem.small.model.numbering
-        d, old = np.zeros(len(num.place)), self._read.shape[2]
+        old = self._read.shape[2]
         new = np.zeros((len(V) - old, len(self.probes), 3))
         for rows, v in zip(new, V[old:], strict=True):
-            num.expand(v, d)
+            d = num.expanded(v)
             rows[:] = [probe.contributions(d) for probe in self.probes]
         self._read = np.concatenate([self._read, new.T], axis=2)
         F = np.array([f @ V.T for f in self._forces])
         held, direct = np.zeros((len(self.inputs), len(self.probes), 3)), _direct_parts(self.inputs, self.probes)
         for rows, one, lift in zip(held, self.inputs, self.lifts, strict=True):
-            num.expand(lift, d)
-            rows[:] = [probe.contributions(d + one.p) for probe in self.probes]
+            d = num.expanded(lift) + one.p
+            rows[:] = [probe.contributions(d) for probe in self.probes]
         rates = [k for k in range(3) if self._read[k].any() or held[:, :, k].any()]
         out = np.zeros((len(hz), len(self.inputs), len(self.probes)), dtype=complex)
         for first in range(0, len(hz), BLOCK):
@@ -326,11 +325,10 @@ def response_of(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Ou
                 Z: Sequence[Complex]) -> Complex:
     """Return the values of probes (inputs, outputs) for motions z (n,) at s."""
     num = problem.small.model.numbering
-    out, d = np.zeros((len(inputs), len(probes)), dtype=complex), np.zeros((2, len(num.place)))
+    out = np.zeros((len(inputs), len(probes)), dtype=complex)
     for row, one, z in zip(out, inputs, Z, strict=True):
-        num.expand(np.ascontiguousarray(z.real), d[0])
-        num.expand(np.ascontiguousarray(z.imag), d[1])
-        full = d[0] + 1j * d[1] + one.p
+        real, imag = (num.expanded(np.ascontiguousarray(part)) for part in (z.real, z.imag))
+        full = np.asarray(real + 1j * imag + one.p, dtype=np.complex128)
         row[:] = [probe.response(s, full, one.name) for probe in probes]
     return out
 

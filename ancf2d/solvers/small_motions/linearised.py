@@ -127,9 +127,7 @@ class Linearised:
     def viscous_forces(self, x: Array) -> Array:
         """Return ``viscous`` times x (n,), computed through the strains."""
         num = self.model.numbering
-        v = np.zeros(len(num.place))
-        num.expand(x, v)
-        return num.reduce(self.rates.viscous_forces(self.base.state.d, v))
+        return num.reduce(self.rates.viscous_forces(self.base.state.d, num.expanded(x)))
 
     @cached_property
     def relaxing(self) -> list[Relaxing]:
@@ -208,9 +206,7 @@ class Relaxing:
     def stiffness(self, x: Array) -> Array:
         """Return V x (n,), computed through the strains."""
         num = self.model.numbering
-        v = np.zeros(len(num.place))
-        num.expand(x, v)
-        return num.reduce(self.forces(v))
+        return num.reduce(self.forces(num.expanded(x)))
 
 
 class RateForces:
@@ -363,8 +359,7 @@ def _by_columns(model: Model, forces: Callable[[Array], Array]) -> csc_array:
         colours = _colours(sparse(np.ones(len(i)), i, j, n))
     values, colour_of = np.zeros(len(i)), colours[j]
     for colour in range(int(colours.max(initial=-1)) + 1):
-        v = np.zeros(len(num.place))
-        num.expand((colours == colour).astype(float), v)
+        v = num.expanded((colours == colour).astype(float))
         v[num.n_q:] = 0.0
         mine = np.flatnonzero(colour_of == colour)
         values[mine] = num.reduce(forces(v))[i[mine]]

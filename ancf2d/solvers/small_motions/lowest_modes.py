@@ -81,9 +81,7 @@ class Pencil:
     def stiffness(self, x: Array) -> Array:
         """Return K x through the strains, with the digits that the assembled K of a fine mesh has lost."""
         num = self.model.numbering
-        v = np.zeros(len(self.d))
-        num.expand(x, v)
-        return num.reduce(self.full_stiffness(v))
+        return num.reduce(self.full_stiffness(num.expanded(x)))
 
     def full_stiffness(self, v: Array) -> Array:
         """Return K v in full coordinates, computed through the strains."""

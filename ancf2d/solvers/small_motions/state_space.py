@@ -16,13 +16,12 @@ from ..refine import refined
 from ..state import State
 from .eigen import mode_warnings, pair_warnings, pairs_of
 from .factors import Factors
-from .inputs_and_outputs import Input, Inputs
+from .inputs_and_outputs import Input, Inputs, warnings_of
 from .inputs_and_outputs import outputs as probe_outputs
 from .linearised import Linearised, small_motions
 from .lowest_modes import find_shift, lowest, map_rows
 from .projected import Complex, Quadratic
 from .relaxing import Projected
-from .without_effect import warnings_of
 
 # largest number of iterations of a solve with a shifted stiffness, and the relative correction that ends them
 ROUNDS, SETTLED = 200, 1e-13
@@ -106,10 +105,7 @@ class _Outputs:
 
     def __call__(self, X: Array) -> Array:
         """Return the outputs (outputs, k) of changes X (k, n) of the unknowns, or of their rates."""
-        d = np.zeros((len(X), len(self.num.place)))
-        for row, x in zip(d, X, strict=True):
-            self.num.expand(x, row)
-        return self._of(d)
+        return self._of(np.array([self.num.expanded(x) for x in X]).reshape(len(X), len(self.num.place)))
 
     def _of(self, d: Array) -> Array:
         return np.array([d[:, one.coords] @ one.weights[one.order] for one in self.items])

@@ -22,8 +22,7 @@ from ..small_motions.linearised import Base, Linearised, base_state, to_sparse
 from ..small_motions.lowest_modes import Pencil, map_rows, ritz
 from ..small_motions.projected import Quadratic
 from ..state import State
-from .load_rates import SMALL, residual_rate, response_size, step_of, tangent_rate
-from .one_sided import neglected_work, switching_springs
+from .load_rates import SMALL, neglected_work, residual_rate, response_size, step_of, switching_springs, tangent_rate
 from .static import unscaled
 
 # rotation or strain of the linear response above which a load factor means nothing
@@ -273,19 +272,13 @@ def _response(pencil: Pencil) -> Array:
         num.expand(u[num.free] + change, new)
         if model.moves:
             # dependents follow prescribed motion as well as the unknowns
-            new += moved - _expanded(model, moved[num.free])
+            new += moved - num.expanded(moved[num.free])
         u = new
         if pencil.system.norm(change) <= 1e-14 * pencil.system.norm(u[num.free]):
             break
     if not np.isfinite(u).all():
         raise ComputationError("the linear response is not finite", at={"solver": "buckling"})
     return u
-
-
-def _expanded(model: Model, z: Array) -> Array:
-    out = np.zeros(len(model.numbering.place))
-    model.numbering.expand(z, out)
-    return out
 
 
 def _stressed(pencil: Pencil) -> bool:

@@ -20,7 +20,7 @@ from ..state import State
 from ..system import System, Turned
 from ..threads import largest
 from .hanging import FALLS, FELL, hanging, slack
-from .jumps import Jumps
+from .load_rates import check_taut
 from .newton import (
     MAX_ITERATIONS,
     POOR,
@@ -35,8 +35,7 @@ from .newton import (
     newton,
     state_of,
 )
-from .one_sided import check_taut
-from .step_control import Path, Stride
+from .step_control import Jumps, Path, Stride
 
 # displacements with a larger relative uncertainty are useless
 HOPELESS = 0.5
@@ -64,9 +63,7 @@ def solve_linear(model: Model) -> Iterator[State]:
     d = model.displacements(np.zeros(num.n_unknowns), 1.0)
 
     def apply(z: Array) -> Array:
-        full = np.zeros(len(d))
-        num.expand(z, full)
-        return num.reduce(system.action(zero, full, 1.0, linear=True))
+        return num.reduce(system.action(zero, num.expanded(z), 1.0, linear=True))
 
     system.check_strained(apply, pivots, {"solver": "linear_static"})
     load = -num.reduce(start.Q - start.F + (system.action(zero, d, 1.0, linear=True) if d.any() else 0.0))

@@ -19,11 +19,10 @@ from ..variants import Variant, flexible
 from ..windows import window_of
 from .direct import Direct
 from .judging import relative_distance
-from .load_steps import in_steps
 from .mesh import Ladder
-from .motion import Motion
 from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit
 from .setting import Level, with_setting
+from .steps import Motion, in_steps
 
 # accuracy for a case that leaves element types open and gives no accuracy
 DEFAULT = 1e-3

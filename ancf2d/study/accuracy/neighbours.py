@@ -15,7 +15,6 @@ from ...case import LoadedCase, refined
 from ...errors import Ancf2dError
 from ...model.build import build_model
 from ...model.model import Model
-from ...model.transfer import transferred
 from ...solvers.registry import solve
 from ..goal import GoalValue, Solved, goal_kind
 from ..order import ROUND_OFF, Estimate
@@ -91,15 +90,10 @@ def solve_neighbour(loaded: LoadedCase, solved: Solved, level: Level, finer: boo
 
 def _solved(model: Model, solved: Solved) -> Any:
     """Return the last state of a model, starting from the state of another mesh if the solver accepts a start."""
-    from ...solvers.statics.newton import Start
-
     if not model.case.solver.takes_guess:
         return list(solve(model))[-1]
-    d = transferred(solved.state.d, solved.model, model)
-    if d is None:
-        return None
-    start = Start(d, int(solved.state.history["negative_pivots"]), solved.state.turned)
-    return list(solve(model, start))[-1]
+    start = solved.start_on(model)
+    return None if start is None else list(solve(model, start))[-1]
 
 
 def _summary(loaded: LoadedCase, model: Model, state: Any) -> dict[str, Any]:

@@ -133,14 +133,8 @@ class Pursuit:
 
     def _guess(self, model: Model, level: Level) -> Start | None:
         """Return the latest state of the same element types on another mesh, as a start."""
-        from ...model.transfer import transferred
-        from ...solvers.statics.newton import Start
-
         latest = self.latest.get(level.setting.kinds)
-        if latest is None:
-            return None
-        d = transferred(latest.state.d, latest.model, model)
-        return None if d is None else Start(d, int(latest.state.history["negative_pivots"]), latest.state.turned)
+        return None if latest is None else latest.start_on(model)
 
     def _run(self, level: Level, estimate_of: EstimateOf | None, how: Solve | None = None) -> None:
         """Solve a level; with ``estimate_of``, which gives its error, it becomes the preliminary result."""

@@ -186,8 +186,7 @@ def _by_element(coarse: Model, fine: Model, z: Array, R: Array, balance: Array) 
     ``R`` are the residual forces at the nodal coordinates of the fine mesh and ``balance`` those of the coarse one,
     which are the forces between bodies: with them, each body gets its own contribution.
     """
-    full = np.zeros(len(fine.numbering.place))
-    fine.numbering.expand(z, full)
+    full = fine.numbering.expanded(z)
     down = transferred(full, fine, coarse)
     smooth = None if down is None else transferred(down, coarse, fine)
     assert down is not None

@@ -159,9 +159,7 @@ def reduced(model: Model, K: Array) -> Array:
     num = model.numbering
     T = np.zeros((model.n_q, num.n_unknowns))
     for k, row in enumerate(np.eye(num.n_unknowns)):
-        full = np.zeros(len(num.place))
-        num.expand(row, full)
-        T[:, k] = full[:model.n_q]
+        T[:, k] = num.expanded(row)[:model.n_q]
     return T.T @ K @ T
 
 
@@ -176,9 +174,7 @@ def response(model: Model, Q: Array) -> Array:
     values, vectors = np.linalg.eigh(0.5 * (K + K.T))
     parts = vectors.T @ (num.reduce(Q) / w)
     stiff = values > ZERO * values[-1]
-    full = np.zeros(len(num.place))
-    num.expand((vectors[:, stiff] @ (parts[stiff] / values[stiff])) / w, full)
-    return full[:model.n_q]
+    return num.expanded((vectors[:, stiff] @ (parts[stiff] / values[stiff])) / w)[:model.n_q]
 
 
 def compliance(model: Model, Q: Array) -> float:

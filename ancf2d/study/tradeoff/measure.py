@@ -41,6 +41,14 @@ class Setting:
     key: str = ""
     step: float | None = None
 
+    @property
+    def chosen(self) -> dict[str, Any]:
+        """The choices other than type and mesh."""
+        out = {} if self.quadrature is None else {"quadrature": self.quadrature}
+        if self.key:
+            out.update({"method": self.method, self.key: self.step})
+        return out
+
     def overrides(self, loaded: LoadedCase, counts: dict[str, int]) -> tuple[str, ...]:
         """Return the ``PATH=VALUE`` overrides of this setting, with the given number of elements of each body."""
         out, lengths = [], stretches_of(loaded.case)
