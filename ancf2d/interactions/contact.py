@@ -224,6 +224,8 @@ class CompliantContact:
     sections: tuple[PointRef | None, ...] = ()
     # a load along a body has no end points
     ends: tuple[()] = ()
+    # it is none of the springs of the case
+    path = ""
 
     def __init__(self, pair: Any) -> None:
         self.pair, self.law, self.dofs, self.signal = pair, pair.law, pair.coordinate_sets, pair.signal
