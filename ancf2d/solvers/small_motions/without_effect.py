@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import numpy as np
-
 from ...model.interactions import Batch
+from ..statics.newton import balanced
 from .inputs_and_outputs import Input
 from .linearised import Linearised
 
@@ -22,7 +21,8 @@ def warnings_of(small: Linearised, damped: bool = True, inputs: Sequence[Input] 
            for what in _of_higher_order(small)] if damped else []
     out += [f"the input {one.name} exerts no force and moves nothing in this state, so nothing responds to it"
             for one in inputs if not one.f.any() and not one.p.any()]
-    if not base.loaded and np.any(small.pencil.balance.R):
+    pencil = small.pencil
+    if not base.loaded and not balanced(pencil.system, pencil.balance, pencil.d, base.state.t):
         layers = any(contact.law is not None for contact in model.case.contacts)
         acts = [*["springs are loaded"] * bool(model.case.springs), *["contact layers press"] * layers,
                 *["material flows"] * bool(model.loads.flows)]
