@@ -219,13 +219,13 @@ class CompliantContact:
 
     rest = slack = 0.0
     angle = False
+    # no spring of the case
+    path = ""
     # when it acts: always
     active = None
     sections: tuple[PointRef | None, ...] = ()
     # a load along a body has no end points
     ends: tuple[()] = ()
-    # it is none of the springs of the case
-    path = ""
 
     def __init__(self, pair: Any) -> None:
         self.pair, self.law, self.dofs, self.signal = pair, pair.law, pair.coordinate_sets, pair.signal

@@ -18,6 +18,7 @@ from ..case.schema.amplitudes import ExpressionText
 from ..case.schema.case import register
 from ..case.schema.points import ENDS, SPRING_ENDS, GroundPoint, MovingPoint, Point, check_ends
 from ..elements.point_laws import DIRECTION, PointLaw
+from ..elements.shape import Array
 from ..errors import PluginError
 from ..model.mesh import BodyMesh
 from ..model.point_patch import (
@@ -33,7 +34,7 @@ from ..model.points import PointRef, point_ref
 from ..model.timing import Timing
 from .formulas import by_formula, spring_formula, uses_rate
 from .moving import MovingPatch
-from .spring_laws import spring_law
+from .spring_laws import spring_law, twist
 
 R = TypeVar("R", bound=type)
 ONLY = Choice("tension", "compression")
@@ -67,6 +68,18 @@ class Spring(PointPatch):
         super().__init__(law, fields, [rest, *par], sections=sections)
         self.rest, self.slack, self.damped = rest, slack, damped
         self.angle = self.law.accept is not None
+
+    def moments_of_angle(self, d: Array) -> Array:
+        """Return the sizes (n,) of the forces of the whole angle of a rotational spring at displacements d (n_full,).
+
+        After large rotations, or many turns, the angle is larger than the displacements that it is computed from.
+        """
+        u, slopes = self.G @ d[self.dofs[0]], np.zeros(len(self.p0))
+        angle, _ = twist(self.p0, u, self.par, self.mem, slopes)
+        _, H, _ = self.forces(u, 0.0)
+        stiffness = abs(slopes @ H @ slopes) / (slopes @ slopes) ** 2
+        return np.asarray(stiffness * (abs(angle) + abs(self.par[0]) + np.abs(self.mem).sum())
+                          * np.abs(slopes @ self.G))
 
     def tighten(self, share: float) -> None:
         """Set the free length or angle to a ``share`` of the way from ``slack`` to ``rest``, its own value."""

@@ -25,6 +25,7 @@ from ..linear import full_mass
 from ..post import FORCES, asks_for_forces, velocity_of
 from ..section_forces import SectionForces, has_section_forces
 from ..state import State
+from ..statics.newton import balanced
 from .linearised import Linearised, Relaxing
 
 if TYPE_CHECKING:
@@ -325,7 +326,8 @@ def warnings_of(small: Linearised, damped: bool = True, inputs: Sequence[Input] 
            for what in _of_higher_order(small)] if damped else []
     out += [f"the input {one.name} exerts no force and moves nothing in this state, so nothing responds to it"
             for one in inputs if not one.f.any() and not one.p.any()]
-    if not base.loaded and np.any(small.pencil.balance.R):
+    pencil = small.pencil
+    if not base.loaded and not balanced(pencil.system, pencil.balance, pencil.d, base.state.t):
         layers = any(contact.law is not None for contact in model.case.contacts)
         acts = [*["springs are loaded"] * bool(model.case.springs), *["contact layers press"] * layers,
                 *["material flows"] * bool(model.loads.flows)]
