@@ -320,6 +320,20 @@ def dense(target: Any, n: int) -> np.ndarray:
     return out
 
 
+def dense_tangent(model: Model, d: np.ndarray) -> np.ndarray:
+    """Return the tangent (n_q, n_q) of the elements of a model with one group."""
+    from ancf2d.kernels.elements import element_matrices
+
+    group = model.groups[0]
+    ne, n = group.dofs.shape
+    Q, K = np.zeros((ne, n)), np.zeros((ne, n, n))
+    element_matrices(group, d, Q, K)
+    out = np.zeros((model.n_q, model.n_q))
+    for dofs, Ke in zip(group.dofs, K, strict=True):
+        out[np.ix_(dofs, dofs)] += Ke
+    return out
+
+
 def section_forces(model: Model, state: State, point: PointRef) -> tuple[float, float, float]:
     """Return N, Q, M at a point."""
     N, Q, M = SectionForces(model, point.mesh, np.array([point.xi]))(state, np.array([point.ie]))[0, 0].tolist()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import CaseError, Problem
+from ..errors import CaseError, Problem, many
 from .binder import listed, nearest
 from .compose import compose
 from .nodes import Entry, ListNode, MapNode, Mark, Node, Origin, Scalar, quoted
@@ -136,7 +136,7 @@ def _index(parent: ListNode, part: str, done: list[tuple[str, Mark]]) -> int:
         return found
     mark, where = done[-1][1], quoted(_joined(done[:-1]))
     if part.isascii() and part.isdigit():
-        raise CaseError(mark.problem(f"{where} has {n} item{'s' * (n != 1)}; there is no item {part}",
+        raise CaseError(mark.problem(f"{where} has {many(n, 'item')}; there is no item {part}",
                                      expected=listed(map(str, range(n))) if n < 3 else
                                      f"0 to {n - 1}"))
     near = nearest(part, _names(parent))

@@ -110,7 +110,7 @@ def problems_text(problems: list[Problem], case: str) -> str:
     if case:
         # none may be in the case itself, but in an option or in data
         where = f" in {case}" if any(p.file == case for p in problems) else ""
-        lines.append(f"{len(problems)} problem{'' if len(problems) == 1 else 's'}{where}")
+        lines.append(many(len(problems), "problem") + where)
     return "\n".join(lines)
 
 

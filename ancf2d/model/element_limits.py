@@ -12,7 +12,7 @@ from ..elements.formulations import FORMULATIONS, Formulation
 from ..elements.formulations.base import Rule, Sampler, rule_points, strains_at
 from ..elements.section import NO_CONSTANTS, Section
 from ..elements.shape import Array, ShapeFunctions, shape_functions
-from ..errors import ComputationError
+from ..errors import ComputationError, many
 from .body_groups import Pool
 from .classes import ElementClass
 from .mesh import STATIONS, BodyMesh, Index, straight
@@ -174,7 +174,7 @@ def hidden_warning(mesh: BodyMesh) -> str | None:
     if not hidden:
         return None
     usual = default_rule(plan.element, plan.formulation).normal
-    motions = f"{hidden} motion{'s' * (hidden > 1)} of each {plan.element.name} element"
+    motions = f"{many(hidden, 'motion')} of each {plan.element.name} element"
     return (f"bodies.{plan.name}: {plan.rule} leave {motions} with little or no stiffness at nu = {plan.section.nu:g}, "
             f"so static solutions can be singular and modes spurious. Use quadrature [{usual[0]}, {usual[1]}]")
 

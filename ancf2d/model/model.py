@@ -12,7 +12,7 @@ import numpy as np
 
 from ..case import Case, Latch, LoadedCase, Point
 from ..elements.shape import Array
-from ..interactions.forces import DeadLoad, LoadSet, Patch
+from ..interactions.forces import LoadSet, Patch
 from ..interactions.springs import Spring
 from .body_groups import Pool, make_pools
 from .constraints import Constraint, Row
@@ -238,7 +238,9 @@ class Model:
         """Return the dead loads Q_k (n_full,) at t."""
         out = np.zeros(len(self.numbering.place))
         for load in self.loads.dead:
-            _add_load(out, load, load.amplitude(t))
+            factor = load.amplitude(t)
+            if factor != 0.0:
+                np.add.at(out, load.dofs, load.values * factor)
         return out
 
     def set_natural(self, t: float | None, rates: dict[int, float] | None = None) -> None:
@@ -312,10 +314,5 @@ class Model:
     def patches(self) -> list[Patch]:
         """All springs, loads and flows with forces that depend on the configuration; without the elements."""
         return [*self.springs, *self.loads.patches, *self.loads.flows]
-
-
-def _add_load(out: Array, load: DeadLoad, factor: float) -> None:
-    if factor != 0.0:
-        np.add.at(out, load.dofs, load.values * factor)
 
 

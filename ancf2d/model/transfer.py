@@ -25,7 +25,7 @@ def transferred(d: Array, old: Model, new: Model) -> Array | None:
         return None
     out = np.zeros(len(new.numbering.place))
     for name, mesh in new.meshes.items():
-        if not _alike(old.meshes[name], mesh):
+        if old.meshes[name].plan.element != mesh.plan.element:
             return None
         _transfer(d, old.meshes[name], mesh, out)
     if old.numbering.n_multipliers == new.numbering.n_multipliers:
@@ -43,10 +43,6 @@ def renumbered(d: Array, dofs: Iterable[Index], model: Model) -> Array:
         np.add.at(total, mesh.dofs, d[before])
         np.add.at(count, mesh.dofs, 1.0)
     return total / count
-
-
-def _alike(old: BodyMesh, new: BodyMesh) -> bool:
-    return old.plan.element == new.plan.element
 
 
 def _transfer(d: Array, old: BodyMesh, new: BodyMesh, out: Array) -> None:

@@ -131,13 +131,14 @@ def _one(s: np.ndarray, k: int) -> np.ndarray:
     return s[..., k]
 
 
-def _mises(s: np.ndarray) -> np.ndarray:
+def mises(s: np.ndarray) -> np.ndarray:
+    """Return the von Mises equivalents of stresses (..., 3)."""
     xx, yy, xy = s[..., 0], s[..., 1], s[..., 2]
     return np.sqrt(np.maximum(xx**2 - xx * yy + yy**2 + 3.0 * xy**2, 0.0))
 
 
 # values derived from the stored components, by field
-DERIVED: dict[str, dict[str, Formula]] = {"stress": {"mises": _mises}}
+DERIVED: dict[str, dict[str, Formula]] = {"stress": {"mises": mises}}
 LABELS = {("stress", "xx"): "stress along the axis, σ_xx", ("stress", "yy"): "stress across the axis, σ_yy",
           ("stress", "xy"): "shear stress, σ_xy", ("stress", "mises"): "von Mises stress",
           ("strain", "xx"): "strain along the axis, ε_xx", ("strain", "yy"): "strain across the axis, ε_yy",

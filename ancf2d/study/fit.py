@@ -16,7 +16,7 @@ from ..case.axes import Bounds
 from ..case.numbers import CaseNumber, moved_starts, number_at, numbers_between, text_with
 from ..case.units import QUANTITY_UNITS, unit_label
 from ..elements.shape import Array
-from ..errors import CaseError, ComputationError, Problem
+from ..errors import CaseError, ComputationError, Problem, many
 from ..results import Column, write_tables
 from ..results.target import MARK, replacing
 from .digests import inputs_of
@@ -126,9 +126,8 @@ def _variables(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: 
     if not bounds:
         problems.append(Problem("nothing is varied", expected="--vary PATH=LOW:HIGH"))
     if data.known.sum() <= len(bounds):
-        problems.append(Problem(f"there are too few values ({int(data.known.sum())}) to fit {len(bounds)} "
-                                f"number{'s' * (len(bounds) != 1)}", file=data.file,
-                                expected="more values than numbers"))
+        problems.append(Problem(f"there are too few values ({int(data.known.sum())}) to fit "
+                                f"{many(len(bounds), 'number')}", file=data.file, expected="more values than numbers"))
     if problems:
         raise CaseError(problems)
     return variables

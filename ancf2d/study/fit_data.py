@@ -16,7 +16,7 @@ from ..case.binder import KINEMATIC, nearest
 from ..case.compose import read_text
 from ..case.schema.controllers import equations
 from ..elements.shape import Array
-from ..errors import CaseError, ComputationError, Problem
+from ..errors import CaseError, ComputationError, Problem, many
 from ..model.model import Model
 from ..solvers.derivatives.differences import UnsuitedError
 from ..solvers.derivatives.readings import Term
@@ -97,7 +97,7 @@ def read_data(path: str) -> Data:
     values = np.full((len(rows) - 1, len(names)), np.nan)
     for k, row in enumerate(rows[1:]):
         if len(row) != len(names):
-            problems.append(Problem(f"the line has {len(row)} cell{'s' * (len(row) != 1)}", file=path, line=k + 2,
+            problems.append(Problem(f"the line has {many(len(row), 'cell')}", file=path, line=k + 2,
                                     column=1, expected=f"{len(names)}, as the first line has"))
             continue
         for j, cell in enumerate(row):

@@ -19,6 +19,7 @@ from ..case.syntax import Chain, Comparison, ExpressionError, Names, named_in, s
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
 from ..model.model import Model
+from ..results.geometry import mises
 from ..solvers.derivatives.readings import Term
 from ..solvers.fields import FIELDS, FieldReader, field_problems
 from .extremes import MOST, Evaluated, Extreme, Measure, Part, names_of, near, slopes_of, value_of
@@ -275,8 +276,7 @@ class Measures:
             raise CaseError(problems)
         values = list(FieldReader(model, (name,)).read(state).values())
         if name == "stress":
-            values = [np.sqrt(np.maximum(v[..., 0]**2 - v[..., 0] * v[..., 1] + v[..., 1]**2 + 3 * v[..., 2]**2, 0.0))
-                      for v in values]
+            values = [mises(v) for v in values]
         return np.concatenate([np.ravel(v) for v in values]) if values else np.zeros(1)
 
 

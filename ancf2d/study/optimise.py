@@ -15,7 +15,7 @@ from ..case import LoadedCase, with_overrides
 from ..case.axes import Bounds
 from ..case.numbers import CaseNumber, moved_starts, numbers_between
 from ..elements.shape import Array
-from ..errors import ComputationError, all_of
+from ..errors import ComputationError, all_of, many
 from ..results import Column, write_tables
 from .gradient import DifferentiableRun
 from .measures import MASS, Measure, Measures, Vocabulary, bounded, read_measure
@@ -226,7 +226,7 @@ def optimise(problem: Problem, method: str = "slsqp", iterations: int = 100, pro
     """
     search = _Search(problem, progress or Progress(), tell)
     y, success, nit, message = _minimised(search, method, iterations)
-    message = (f"no convergence within {iterations} iteration{'s' * (iterations != 1)}; allow more, or widen the bounds"
+    message = (f"no convergence within {many(iterations, 'iteration')}; allow more, or widen the bounds"
                if nit >= iterations and not success else message)
     return _optimum(problem, search, y, success, message)
 

@@ -165,9 +165,6 @@ class Recorder:
             self.last_reactions = state, reactions(self.model, state)
         return self.last_reactions[1]
 
-    def _over_bodies(self, state: State) -> dict[tuple[str, str], Any]:
-        return {} if self.fields is None else self.fields.read(state)
-
     def _take_equilibrium(self, state: State) -> None:
         self.totals["iterations"] += int(state.history["iterations"])
         self.totals["steps"] += 1
@@ -205,7 +202,7 @@ class Recorder:
         from ..solvers.post import turns_of
 
         self.writer.append(state.t, state.d[:self.model.n_q], history, probes, turned=turns_of(self.model, state),
-                           fields=self._over_bodies(state), **more)
+                           fields={} if self.fields is None else self.fields.read(state), **more)
 
     def _count(self, steps: dict[str, Any]) -> None:
         if not len(steps.get("dt", ())):

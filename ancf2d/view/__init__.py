@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from html import escape
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 
@@ -34,10 +35,6 @@ def _part(name: str) -> str:
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
-def _escaped(text: str) -> str:
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
-
-
 def make_page(results: Results, fields: Sequence[str] = ()) -> Page:
     """Return the page of a result file. Raises ResultsError.
 
@@ -47,7 +44,8 @@ def make_page(results: Results, fields: Sequence[str] = ()) -> Page:
     # so that a tag within the data, such as </script> in a title, has no effect
     text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
     script = "".join(map(_part, SCRIPTS))
-    parts = {"TITLE": _escaped(data["title"]), "MARK": MARK, "STYLE": _part("page.css"), "SCRIPT": script, "DATA": text}
+    title = escape(data["title"], quote=False)
+    parts = {"TITLE": title, "MARK": MARK, "STYLE": _part("page.css"), "SCRIPT": script, "DATA": text}
     # all in one pass, since inserted text may look like a placeholder itself
     html = re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _part("page.html"))
     shown, what = len(data["t"]), "mode" if data["kind"] == "modes" else "state"

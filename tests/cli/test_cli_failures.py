@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -258,42 +258,35 @@ def _wait_until(condition: Callable[[], bool], process: subprocess.Popen[str]) -
     raise AssertionError("nothing happened in 30 seconds")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("arguments", [["--help"], ["schema"], ["elements"]], ids=" ".join)
-def test_reader_that_goes_away_is_no_noise(folder: Path, arguments: list[str]) -> None:
+def unread(arguments: Sequence[str], folder: Path) -> tuple[int, str]:
+    """Return the exit code and stderr of a command whose stdout nobody reads."""
     process = start(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
     assert process.stdout is not None
     assert process.stderr is not None
     process.stdout.close()
-    err = process.stderr.read()
-    process.stderr.close()
-    assert process.wait(timeout=30) == 0
-    assert err == ""
+    with process.stderr:
+        err = process.stderr.read()
+    return process.wait(timeout=60), err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arguments", [["--help"], ["schema"], ["elements"]], ids=" ".join)
+def test_reader_that_goes_away_is_no_noise(folder: Path, arguments: list[str]) -> None:
+    assert unread(arguments, folder) == (0, "")
 
 
 @pytest.mark.slow
 def test_reader_that_goes_away_changes_no_verdict(call: Call, folder: Path) -> None:
     """A case that misses what it expects still fails, though nobody reads that it was solved."""
     wrong = ["run", "beam.yaml", "--check", "--set", "expected.0.value=1"]
-    process = start(wrong, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
-    assert process.stdout is not None
-    process.stdout.close()
-    assert process.stderr is not None
-    assert process.stderr.read() == "error: 1 expected value not met\n"
-    assert process.wait(timeout=60) == 1
+    assert unread(wrong, folder) == (1, "error: 1 expected value not met\n")
     assert (folder / "beam.h5").exists()
-    process.stderr.close()
 
 
 @pytest.mark.slow
 def test_reader_that_goes_away_hears_no_json_of_a_failure(folder: Path) -> None:
-    process = start(["run", "none.yaml", "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
-    assert process.stdout is not None
-    assert process.stderr is not None
-    process.stdout.close()
-    err = process.stderr.read()
-    process.stderr.close()
-    assert process.wait(timeout=30) == 2
+    code, err = unread(["run", "none.yaml", "--json"], folder)
+    assert code == 2
     assert err.endswith("1 problem in none.yaml\n")
 
 

@@ -28,17 +28,6 @@ def energy_and_force(model, d):
     return force(model.groups[0], d, Q), Q
 
 
-def dense_tangent(model, d):
-    group = model.groups[0]
-    ne, n = group.dofs.shape
-    Q, K = np.zeros((ne, n)), np.zeros((ne, n, n))
-    element_matrices(group, d, Q, K)
-    out = np.zeros((model.n_q, model.n_q))
-    for dofs, Ke in zip(group.dofs, K, strict=True):
-        out[np.ix_(dofs, dofs)] += Ke
-    return out
-
-
 @EVERY
 def test_force_is_the_gradient_of_the_energy(name, formulation, geometry):
     model = model_of(name, formulation, geometry)
@@ -58,7 +47,7 @@ def test_force_is_the_gradient_of_the_energy(name, formulation, geometry):
 def test_tangent_is_the_derivative_of_the_force_and_symmetric(name, formulation, geometry):
     model = model_of(name, formulation, geometry)
     d = helpers.random_state(model, SIZE)[: model.n_q]
-    K = dense_tangent(model, d)
+    K = helpers.dense_tangent(model, d)
     np.testing.assert_allclose(K, K.T, atol=1e-14 * np.abs(K).max())
     v, h = helpers.random_state(model, 1.0, 3)[: model.n_q], 1e-5 * SIZE
     slope = (energy_and_force(model, d + h * v)[1] - energy_and_force(model, d - h * v)[1]) / (2 * h)
@@ -132,7 +121,7 @@ def test_a_uniaxial_strain_of_1e_12_keeps_its_digits(name, formulation):
 def zero_modes(name: str, formulation: str | None, geometry: str, **more) -> int:
     """Count the modes of a free body of three elements that have no energy, beyond the rigid three."""
     model = model_of(name, formulation, geometry, 3, **more)
-    K = dense_tangent(model, np.zeros(model.n_q))
+    K = helpers.dense_tangent(model, np.zeros(model.n_q))
     scale = 1 / np.sqrt(np.diag(K))
     values = np.linalg.eigvalsh(K * np.outer(scale, scale))
     return int((values < 1e-11 * values[-1]).sum()) - 3
@@ -142,7 +131,7 @@ def element_zero_modes(name: str, formulation: str, quadrature, **more) -> int:
     """Count the zero-energy modes of one free element, beyond the rigid three; ``quadrature`` None is the default."""
     more.update({} if quadrature is None else {"quadrature": quadrature})
     model = model_of(name, formulation, "line", 1, **more)
-    K = dense_tangent(model, np.zeros(model.n_q))
+    K = helpers.dense_tangent(model, np.zeros(model.n_q))
     scale = 1 / np.sqrt(np.diag(K))
     values = np.linalg.eigvalsh(K * np.outer(scale, scale))
     return int((values < 1e-11 * values[-1]).sum()) - 3
@@ -179,7 +168,7 @@ def test_two_by_two_points_hide_as_many_modes_as_the_mathematics_says(name, hidd
 def test_assembled_tangent_and_its_action_are_the_sum_of_element_matrices(name, formulation, geometry):
     model = model_of(name, formulation, geometry, 3)
     n, d = model.n_q, helpers.random_state(model, SIZE)[: model.n_q]
-    K = dense_tangent(model, d)
+    K = helpers.dense_tangent(model, d)
     values = np.zeros(n * n)
     matrix = Csr(values, n * np.arange(n + 1), np.tile(np.arange(n), n))
     none = np.zeros(0, dtype=np.int64)

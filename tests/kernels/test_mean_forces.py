@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ancf2d.elements.formulations import FORMULATIONS
-from ancf2d.kernels.elements import element_matrices, force, mean_force, mean_force_tangent, viscous_force
+from ancf2d.kernels.elements import force, mean_force, mean_force_tangent, viscous_force
 from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import Csr
 from ancf2d.model.body_groups import damping_time
@@ -39,17 +39,6 @@ def state(model, seed: int, angle: float = 0.0):
 
 def energy(model, d) -> float:
     return force(model.groups[0], d, np.zeros(model.n_q))
-
-
-def stiffness(model, d):
-    group = model.groups[0]
-    ne, n = group.dofs.shape
-    Q, K = np.zeros((ne, n)), np.zeros((ne, n, n))
-    element_matrices(group, d, Q, K)
-    out = np.zeros((model.n_q, model.n_q))
-    for dofs, Ke in zip(group.dofs, K, strict=True):
-        out[np.ix_(dofs, dofs)] += Ke
-    return out
 
 
 def turning(model, d, omega: float = 1.0):
@@ -110,7 +99,7 @@ def test_no_step_is_the_elastic_force_and_half_its_tangent(name, formulation):
     matrix = Csr(values, n * np.arange(n + 1), np.tile(np.arange(n), n))
     none = np.zeros(0, dtype=np.int64)
     mean_force_tangent(group, 0.0, d, d, plain, matrix, Places(np.arange(n), none, none, np.zeros(0)))
-    K = stiffness(model, d)
+    K = helpers.dense_tangent(model, d)
     np.testing.assert_allclose(plain, elastic, atol=1e-13 * np.abs(elastic).max())
     np.testing.assert_allclose(values.reshape(n, n), 0.5 * K, atol=1e-13 * np.abs(K).max())
 
@@ -206,7 +195,7 @@ def test_viscous_forces_are_tau_times_the_stiffness_in_small_motion(name, formul
     model = model_of(name, formulation)
     v, Q = helpers.random_state(model, 1.0, 2)[: model.n_q], np.zeros(model.n_q)
     viscous_force(model.groups[0], TAU, np.zeros(model.n_q), v, Q)
-    K = stiffness(model, np.zeros(model.n_q))
+    K = helpers.dense_tangent(model, np.zeros(model.n_q))
     np.testing.assert_allclose(Q, TAU * K @ v, atol=1e-13 * TAU * (np.abs(K) @ np.abs(v)).max())
 
 

@@ -83,15 +83,18 @@ def test_rigid_bodies_keep_their_length_over_many_turns():
     np.testing.assert_allclose(lengths, np.hypot(0.6, 0.7), rtol=1e-13)
 
 
+# a bar that bends, with one end on a line, and a sleeve on it
+SLEEVE = {"bodies": {"rail": rod("cable", 3, (0, 0), (2, 1), E=5e6),
+                     "bead": rigid([0.55, 0.3], [0.65, 0.3], 0.3, 0.01)},
+          "bc": [{"type": "pin", "at": "rail@0"}], "loads": GRAVITY,
+          "joints": [{"type": "slider", "at": "rail@1", "through": [2, 1], "along": [1, 3]},
+                     {"type": "prismatic", "point": "bead@0.5", "on": "rail"}]}
+
+
 @pytest.mark.parametrize("method", ["generalized_alpha", "radau5", "energy_momentum"])
 def test_a_slider_stays_on_its_line_and_a_sleeve_on_its_bar(method):
     """The sleeve crosses the nodes of a bar that bends; the end of the bar slides on a line on the ground."""
-    scene = {"bodies": {"rail": rod("cable", 3, (0, 0), (2, 1), E=5e6),
-                        "bead": rigid([0.55, 0.3], [0.65, 0.3], 0.3, 0.01)},
-             "bc": [{"type": "pin", "at": "rail@0"}], "loads": GRAVITY,
-             "joints": [{"type": "slider", "at": "rail@1", "through": [2, 1], "along": [1, 3]},
-                        {"type": "prismatic", "point": "bead@0.5", "on": "rail"}]}
-    moved = ride(scene, 0.3, method=method, states=11, **METHODS[method])
+    moved = ride(SLEEVE, 0.3, method=method, states=11, **METHODS[method])
     assert moved.column("violation").max() < 1e-12
     for k in (4, 11):
         moved.stepper.full(replace(moved.rows[k], kind=INSIDE))
@@ -111,12 +114,7 @@ def test_a_slider_stays_on_its_line_and_a_sleeve_on_its_bar(method):
 @pytest.mark.parametrize("method", ["generalized_alpha", "radau5", "energy_momentum"])
 def test_stored_states_have_the_same_bits_however_steps_are_grouped(method):
     """A step, or all of them, in a call of the kernels, whose number the clock decides."""
-    scene = {"bodies": {"rail": rod("cable", 3, (0, 0), (2, 1), E=5e6),
-                        "bead": rigid([0.55, 0.3], [0.65, 0.3], 0.3, 0.01)},
-             "bc": [{"type": "pin", "at": "rail@0"}], "loads": GRAVITY,
-             "joints": [{"type": "slider", "at": "rail@1", "through": [2, 1], "along": [1, 3]},
-                        {"type": "prismatic", "point": "bead@0.5", "on": "rail"}]}
-    one, all_ = (ride(scene, 0.3, method=method, states=37, chunk=chunk, **METHODS[method]) for chunk in (1, 1000))
+    one, all_ = (ride(SLEEVE, 0.3, method=method, states=37, chunk=chunk, **METHODS[method]) for chunk in (1, 1000))
     for a, b in zip(one.rows, all_.rows, strict=True):
         for x, y in zip(one.stepper.full(a), all_.stepper.full(b), strict=True):
             np.testing.assert_array_equal(x, y)

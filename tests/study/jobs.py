@@ -1,4 +1,4 @@
-"""What tests of studies share: a cantilever, and functions that are sent to other processes."""
+"""What tests of studies share: cantilevers, and functions that are sent to other processes."""
 
 from __future__ import annotations
 
@@ -27,6 +27,36 @@ output:
     tip: beam@1
 """
 GOAL = "goal: {probe: tip, quantity: uy}\n"
+# a cantilever with shear, whose deflections by bending and shear are known
+F, L, EI, KGA = -3.0, 2.0, 1.0e3, 3.0e5
+BENDING, SHEAR = F * L**3 / (3 * EI), F * L / KGA
+CANTILEVER = f"""\
+title: Cantilever with a tip force
+bodies:
+  beam:
+    geometry: {{type: line, start: [0, 0], end: [{L}, 0]}}
+    section: {{EA: 1.0e6, kGA: {KGA}, EI: {EI}}}
+    element: {{type: reissner2, count: 2}}
+boundary_conditions:
+  - {{name: root, type: clamp, at: beam@0}}
+loads:
+  - {{type: force, at: beam@1, value: [0, {F}]}}
+solver: {{type: linear_static}}
+goal: {{probe: tip, quantity: uy}}
+output:
+  probes: {{tip: beam@1}}
+"""
+# one with a section and a material
+SQUARE = """
+bodies:
+  b: {geometry: {type: line, start: [0, 0], end: [2, 0]}, section: {height: 0.1, width: 0.1},
+      material: {E: 2.07e11, nu: 0.3}, element: {type: reissner3, count: 2}}
+boundary_conditions: [{type: clamp, at: b@0}]
+loads: [{type: force, at: b@1, value: [0, -1]}]
+solver: {type: linear_static}
+goal: {probe: tip, quantity: uy}
+output: {probes: {tip: b@1}}
+"""
 
 
 def square(x: float) -> float:

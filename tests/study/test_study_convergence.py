@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 import pytest
+from jobs import BENDING, CANTILEVER, EI, KGA, SHEAR, SQUARE, F, L
 
 from ancf2d.case import Dynamic, LoadedCase, Static, load_case_text
 from ancf2d.errors import CaseError
@@ -16,25 +17,6 @@ from ancf2d.study.order import estimate
 from ancf2d.study.pool import Workers
 from ancf2d.study.run import Progress, checks, run_case, vocabulary
 from ancf2d.study.variants import Variant, parse_variants
-
-F, L, EI, KGA = -3.0, 2.0, 1.0e3, 3.0e5
-BENDING, SHEAR = F * L**3 / (3 * EI), F * L / KGA
-CANTILEVER = f"""\
-title: Cantilever with a tip force
-bodies:
-  beam:
-    geometry: {{type: line, start: [0, 0], end: [{L}, 0]}}
-    section: {{EA: 1.0e6, kGA: {KGA}, EI: {EI}}}
-    element: {{type: reissner2, count: 2}}
-boundary_conditions:
-  - {{name: root, type: clamp, at: beam@0}}
-loads:
-  - {{type: force, at: beam@1, value: [0, {F}]}}
-solver: {{type: linear_static}}
-goal: {{probe: tip, quantity: uy}}
-output:
-  probes: {{tip: beam@1}}
-"""
 
 
 def load(text: str = CANTILEVER, *overrides: str) -> LoadedCase:
@@ -277,18 +259,6 @@ def test_kinks_inside_elements_are_told_where_the_case_wants_equal_elements() ->
     assert any("inside elements of some meshes" in text for text in regular.warnings)
 
 
-SHARES = """
-bodies:
-  b: {geometry: {type: line, start: [0, 0], end: [2, 0]}, section: {height: 0.1, width: 0.1},
-      material: {E: 2.07e11, nu: 0.3}, element: {type: reissner3, count: 2}}
-boundary_conditions: [{type: clamp, at: b@0}]
-loads: [{type: force, at: b@1, value: [0, -1]}]
-solver: {type: linear_static}
-goal: {probe: tip, quantity: uy}
-output: {probes: {tip: b@1}}
-"""
-
-
 @pytest.mark.parametrize(("apart", "told"), [(1e-5, True), (1e-2, False)])
 def test_meshes_of_a_motion_that_differ_no_more_than_its_time_steps_err_say_so(apart: float, told: bool) -> None:
     """Differences that grow, below and above a hundred times the tolerance of the steps, 1e-5."""
@@ -305,7 +275,7 @@ def test_meshes_of_a_motion_that_differ_no_more_than_its_time_steps_err_say_so(a
 
 def rigid(solver: str) -> LoadedCase:
     """A rigid bar on a torsion spring."""
-    text = SHARES.replace("reissner3, count: 2", "rigid").replace("type: clamp", "type: pin")
+    text = SQUARE.replace("reissner3, count: 2", "rigid").replace("type: clamp", "type: pin")
     text = text.replace("material: {E: 2.07e11, nu: 0.3}", "material: {E: 2.07e11, nu: 0.3, rho: 7850}")
     text += "springs: [{type: rotational, between: [b@0, [0, 0]], stiffness: 100}]\n"
     return load_case_text(text.replace("{type: linear_static}", solver), vocabulary=vocabulary())

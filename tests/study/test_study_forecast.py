@@ -10,6 +10,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from jobs import SQUARE
 
 from ancf2d.case import load_case_text
 from ancf2d.case.axes import read_axes
@@ -24,16 +25,6 @@ from ancf2d.study.run import run_case, vocabulary
 from ancf2d.study.sweep import plan, run_sweep
 from ancf2d.study.variants import parse_variants
 
-CASE = """
-bodies:
-  b: {geometry: {type: line, start: [0, 0], end: [2, 0]}, section: {height: 0.1, width: 0.1},
-      material: {E: 2.07e11, nu: 0.3}, element: {type: reissner3, count: 2}}
-boundary_conditions: [{type: clamp, at: b@0}]
-loads: [{type: force, at: b@1, value: [0, -1]}]
-solver: {type: linear_static}
-goal: {probe: tip, quantity: uy}
-output: {probes: {tip: b@1}}
-"""
 # seconds of a solution over its elements: in proportion, with a constant part, of a sparse and a dense factorisation
 LAWS = {"linear": lambda n: 0.1 * n, "constant part": lambda n: 5.0 + 0.1 * n, "power": lambda n: 0.01 * n**1.5,
         "cubic": lambda n: 1e-4 * n**3}
@@ -126,7 +117,7 @@ def test_the_time_left_of_a_convergence_study_is_right_within_a_factor_of_two(
 
     monkeypatch.setattr(convergence_module, "solve_job", solve)
     monkeypatch.setattr(convergence_module, "_warm_up", lambda first, compiling: None)
-    loaded = load_case_text(CASE, vocabulary=vocabulary())
+    loaded = load_case_text(SQUARE, vocabulary=vocabulary())
     convergence_module.convergence(loaded, parse_variants("reissner3"), MESHES, done=clock.done)
     clock.assert_right(cost(MESHES[0]))
     clock.told, began = [], clock.now
@@ -149,7 +140,7 @@ def test_the_time_left_of_a_sweep_is_right_within_a_factor_of_two(
     monkeypatch.setattr(sweep_module, "solve_job", solve)
     monkeypatch.setattr(sweep_module, "_warm_up", lambda jobs, compiling: None)
     case = tmp_path / "case.yaml"
-    case.write_text(CASE)
+    case.write_text(SQUARE)
     axes = read_axes([f"bodies.b.element.count={','.join(map(str, MESHES))}", "loads.0.value=[0,-1],[0,-2]"])
     run_sweep(plan(str(case), axes, (), tmp_path / "out", ALONE), ALONE, done=clock.done)
     clock.assert_right(LAWS[law](MESHES[0]))

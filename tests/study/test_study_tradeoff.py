@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import pytest
+from jobs import BENDING, CANTILEVER, SHEAR
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.errors import CaseError, ComputationError
@@ -18,21 +19,6 @@ from ancf2d.study.tradeoff.plan import Choice, Limit, Planner, limit
 from ancf2d.study.tradeoff.study import Row, TradeoffStudy, accuracy_name, tradeoff
 from ancf2d.study.variants import Variant, parse_variants
 
-F, L, EI, KGA = -3.0, 2.0, 1.0e3, 3.0e5
-BENDING, SHEAR = F * L**3 / (3 * EI), F * L / KGA
-CANTILEVER = f"""\
-title: Cantilever with a tip force
-bodies:
-  beam:
-    geometry: {{type: line, start: [0, 0], end: [{L}, 0]}}
-    section: {{EA: 1.0e6, kGA: {KGA}, EI: {EI}}}
-    element: {{type: reissner2, count: 2}}
-boundary_conditions: [{{name: root, type: clamp, at: beam@0}}]
-loads: [{{type: force, at: beam@1, value: [0, {F}]}}]
-solver: {{type: linear_static}}
-goal: {{probe: tip, quantity: uy}}
-output: {{probes: {{tip: beam@1}}}}
-"""
 THICK = """\
 bodies:
   beam:

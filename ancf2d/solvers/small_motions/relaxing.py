@@ -104,8 +104,10 @@ class Projected:
         T = self._unit_mass(K, M)
         self.W = T.T @ self.space.V
         self.K, self.C = T.T @ K @ T, T.T @ C @ T
-        self.terms = [term for k, one in enumerate(problem.small.relaxing) for term in self._terms(
-            k, one.terms, np.array([one.stiffness(x) for x in self.W]).reshape(-1, problem.n))]
+        self.terms = []
+        for k, one in enumerate(problem.small.relaxing):
+            VW = np.array([one.stiffness(x) for x in self.W]).reshape(-1, problem.n)
+            self.terms += terms_of(k, one.terms, self.W @ VW.T)
 
     @staticmethod
     def _unit_mass(K: Array, M: Array) -> Array:
@@ -116,9 +118,6 @@ class Projected:
         T = scale[:, None] * U[:, heavy] / np.sqrt(w[heavy])
         found = T.T @ K @ T
         return np.asarray(T @ np.linalg.eigh(0.5 * (found + found.T))[1])
-
-    def _terms(self, material: int, terms: tuple[tuple[float, float], ...], VW: Array) -> list[Term]:
-        return terms_of(material, terms, self.W @ VW.T)
 
     @cached_property
     def A(self) -> Array:

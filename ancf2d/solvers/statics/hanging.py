@@ -146,7 +146,9 @@ class _Relaxation:
         while self.steps < MOST_STEPS and self.system.distance(self.d, self.start) < FARTHEST_FALL * self.extent:
             moved = self._make_step(self.t)
             # if a step of any length hardly moves the model, it cannot get away from the last equilibrium
-            near_unstable = self._is_near(self.last_unstable, RETRY_DISTANCE)
+            unstable = self.last_unstable
+            near_unstable = unstable is not None and (
+                self.system.distance(self.d, unstable) <= RETRY_DISTANCE * self.extent)
             if moved > SHORT_STEP * self.extent or (moved > STEP_ERROR * self.extent and near_unstable):
                 continue
             result = self._newton(moved <= STEP_ERROR * self.extent)
@@ -164,9 +166,6 @@ class _Relaxation:
         raise ComputationError("the model does not come to rest under its weight", at={"steps": self.steps},
                                advice=f"{touch}supports or joints for all parts that can move without limit, or "
                                "gravity on all parts that can move")
-
-    def _is_near(self, d: Array | None, share: float) -> bool:
-        return d is not None and self.system.distance(self.d, d) <= share * self.extent
 
     def _make_step(self, t: float) -> float:
         """Make one step at load factor t; return how far it moved [m]. Failed steps are repeated shorter."""
