@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 from ..case import LoadedCase, load_case_text, with_overrides
 from ..case.axes import Axis, Bounds, read_bounds
 from ..errors import CaseError
-from ..results import check_output
+from ..results.target import RESULTS, check_output
 from ..study.accuracy.control import is_pursued, solve_to_accuracy
 from ..study.convergence import Steps
 from ..study.convergence import convergence as refine
@@ -160,7 +160,7 @@ def solve(case: CaseLike, overrides: Overrides = (), *, accuracy: float | None =
     if not isinstance(output, str | os.PathLike | None):
         raise_type_error("output", "the name of a file", output)
     place = None if output is None else os.fspath(output)
-    check_output(place, force, *inputs_of(loaded))
+    check_output(place, force, *inputs_of(loaded), kind=RESULTS)
     temporary = Temporary() if place is None and states else None
     target = str(temporary.file) if temporary is not None else place
     try:

@@ -66,6 +66,7 @@ def check_case(case: Case, source: Source, binder: Binder) -> None:
         checker.times()
         checker.accuracy_needs_goal()
         checker.inputs()
+        checker.scaled()
     check_contacts(checker)
 
 
@@ -264,6 +265,23 @@ class _Checker:
             self.fail(("solver",), f"solver: {self.solver} reports probes, and the case has none", "output.probes")
         for i, name in enumerate(getattr(self.case.solver, "outputs", ())):
             self.reference(("solver", "outputs", i), name.partition(".")[0], "probes")
+
+    def scaled(self) -> None:
+        """Check that the load factor scales something, if the solver seeks load factors or follows a path."""
+        case, method = self.case, getattr(self.case.solver, "method", None)
+        if not (self.solver == "buckling" or method in ("arc_length", "displacement")) or case.steady_rotation:
+            return
+        if INVALID in (case.loads, case.boundary_conditions, case.obstacles, case.transport, case.fluid) or case.flows:
+            return
+        if self.failed & {("loads",), ("boundary_conditions",), ("obstacles",), ("transport",), ("fluid",)}:
+            return
+        moved = [value for support in case.boundary_conditions for value in support.motions.values()]
+        moved += [value for one in case.obstacles.values() if one.motion
+                  for value in (one.motion.x, one.motion.y, one.motion.angle)]
+        if all(load.amplitude is not None for load in case.loads) and not any(isinstance(v, float) for v in moved):
+            what = f"method {method}" if method else self.solver
+            self.fail(("solver",), f"solver: {what} needs a load that scales with the load factor, and the case has "
+                      "none", "a load or prescribed motion without an amplitude (an amplitude makes it constant)")
 
     def limit_point(self, path: Path, number: int) -> None:
         solver: Any = self.case.solver

@@ -16,7 +16,7 @@ from .compose import compose, read_text
 from .definition import ElementDefinition, load_definition
 from .emit import written, yaml_text
 from .nodes import MapNode, Node, Origin, Scalar, Source, line_breaks
-from .overrides import apply_overrides
+from .overrides import apply_overrides, place_of
 from .records import bind_record
 from .schema import Case
 
@@ -67,6 +67,11 @@ class CaseText:
     def _root(self) -> tuple[Node | None, tuple[Problem, ...]]:
         problems: list[Problem] = []
         return compose(self.text, Origin(self.name, line_breaks(self.text)), problems=problems), tuple(problems)
+
+    def place(self, path: str) -> tuple[str, ...]:
+        """Return the parts of a dotted path, with indices for the names of items of lists that the case has."""
+        root = self._root[0]
+        return tuple(path.split(".")) if root is None else place_of(root, path)
 
     def load(self, overrides: Sequence[str] = (), vocabulary: Vocabulary | None = None) -> LoadedCase:
         """Return the case with ``PATH=VALUE`` overrides applied.

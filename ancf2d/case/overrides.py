@@ -150,6 +150,21 @@ def index_of(parent: ListNode, part: str) -> int | None:
     return _names(parent).get(part)
 
 
+def place_of(root: Node, path: str) -> tuple[str, ...]:
+    """Return the parts of a dotted path, with indices for the names of items of lists that the case has."""
+    node: Node | None = root
+    out: list[str] = []
+    for part in map(str.strip, path.split(".")):
+        k = index_of(node, part) if isinstance(node, ListNode) else None
+        out.append(part if k is None else str(k))
+        if isinstance(node, ListNode):
+            node = None if k is None else node.items[k]
+        else:
+            entry = node.entries.get(part) if isinstance(node, MapNode) else None
+            node = None if entry is None else entry.node
+    return tuple(out)
+
+
 def _names(parent: ListNode) -> dict[str, int]:
     """Return the index of the first item with each name."""
     names: dict[str, int] = {}

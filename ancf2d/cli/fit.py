@@ -45,7 +45,7 @@ def command(session: Session, case: str, data_file: str, vary: tuple[str, ...], 
     """
     session.subject = {"case": case}
     from ..case.axes import read_bounds
-    from ..results import check_output
+    from ..results.target import CASE, RESULTS, check_output
     from ..study.digests import inputs_of
     from ..study.fit import fit, write_case, write_fit
     from ..study.fit_data import read_data
@@ -55,8 +55,8 @@ def command(session: Session, case: str, data_file: str, vary: tuple[str, ...], 
                                          lambda: read_bounds(vary), lambda: _noise(sigma))
     output = output if output is not None else f"{case_stem(case)}-fitted.yaml"
     results = results if results is not None else f"{case_stem(case)}-fit.h5"
-    for path in (output, results):
-        check_output(path, force, data_file, *inputs_of(loaded))
+    for path, kind in ((output, CASE), (results, RESULTS)):
+        check_output(path, force, data_file, *inputs_of(loaded), kind=kind)
     found = fit(loaded, data, bounds, noise, starts)
     fitted = {row.path: row.value for row in found.rows}
     found.warnings += write_case(loaded, fitted, output, session.command_line, force)

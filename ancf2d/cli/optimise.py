@@ -35,8 +35,8 @@ if TYPE_CHECKING:
               help="Maximum number of iterations of the optimiser.")
 @click.option("-o", "--output", type=click.Path(), metavar="BEST.yaml",
               help="Case with the best values; default: the case's name with -best, in the working directory.")
-@click.option("--history", type=click.Path(), metavar="OUT.h5", help="Also write all evaluations to a result "
-              "file.")
+@click.option("--history", type=click.Path(), metavar="OUT.h5", help="Also write all evaluations that "
+              "succeeded to a result file.")
 @set_option
 @force_option
 @json_session
@@ -51,7 +51,7 @@ def command(session: Session, case: str, vary: tuple[str, ...], minimise: str, c
     """
     session.subject = {"case": case}
     from ..case.axes import read_bounds
-    from ..results import check_output
+    from ..results.target import CASE, RESULTS, check_output
     from ..study.digests import inputs_of
     from ..study.fit import write_case
     from ..study.optimise import optimise, problem_of, write_optimisation
@@ -60,8 +60,8 @@ def command(session: Session, case: str, vary: tuple[str, ...], minimise: str, c
 
     bounds, loaded = all_of(lambda: read_bounds(vary), lambda: load(case, overrides))
     place = output if output is not None else f"{case_stem(case)}-best.yaml"
-    for path in (place, history):
-        check_output(path, force, *inputs_of(loaded))
+    for path, kind in ((place, CASE), (history, RESULTS)):
+        check_output(path, force, *inputs_of(loaded), kind=kind)
     problem = problem_of(loaded, bounds, minimise, constraints)
     with Bar("optimising", session.shows_progress) as bar:
         found = optimise(problem, method, iterations, Progress(compiling=session.note_once),
@@ -97,5 +97,6 @@ def report(found: Optimum) -> str:
     for one in found.constraints:
         state = "active" if one["met"] and one["active"] else "met" if one["met"] else "not met"
         lines.append(f"{one['constraint']}: {state}")
-    lines.append(f"{many(found.evaluations, 'evaluation')}, {many(found.gradients, 'gradient')}")
+    failed = f", {found.failed} of them failed" if found.failed else ""
+    lines.append(f"{many(found.evaluations, 'evaluation')}{failed}, {many(found.gradients, 'gradient')}")
     return "\n".join(lines)

@@ -103,12 +103,12 @@ def read_case(case: str, overrides: Sequence[str], output: str | None, force: bo
 
     Raises CaseError, and ResultsError if ``output`` is a file that must not be replaced.
     """
-    from ..results import check_output
+    from ..results.target import RESULTS, check_output
     from ..study.digests import inputs_of
     from ..study.run import load
 
     loaded = load(case, overrides)
-    check_output(output, force, *inputs_of(loaded))
+    check_output(output, force, *inputs_of(loaded), kind=RESULTS)
     return loaded
 
 

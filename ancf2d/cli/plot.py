@@ -103,12 +103,12 @@ def command(session: Session, arguments: tuple[str, ...], save: str | None, show
     Default: the most informative figure for the first file.
     """
     from ..plot import KINDS, Look, default_animated, default_kind
-    from ..results import check_output
+    from ..results.target import TABLE, check_output
     from ..study.fields_of_states import StatesWithFields
 
     files, kind = _split(arguments, tuple(KINDS))
-    for path in (save, data, animate):
-        check_output(path, force, *files)
+    for path, content in ((save, None), (data, TABLE), (animate, None)):
+        check_output(path, force, *files, kind=content)
     look = Look(size, font_size, dpi, sheet)
     chosen = {k: v for k, v in options.items() if v is not None and v != ()}
     with ExitStack() as stack:

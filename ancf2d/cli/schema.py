@@ -166,7 +166,8 @@ def _optimise() -> Schema:
     constraint = _object("a constraint", constraint=TEXT, excess=_is("number", "at most 0 if it is met"), met=FLAG,
                          active=FLAG)
     return _object("an optimum", {"history": TEXT, **_FAILED}, case=TEXT, title=TEXT, status=TEXT, minimise=TEXT,
-                   rows=_list(row), minimum=NUMBER, constraints=_list(constraint), evaluations=WHOLE, gradients=WHOLE,
+                   rows=_list(row), minimum=NUMBER, constraints=_list(constraint), evaluations=WHOLE,
+                   failed=_is("integer", "number of evaluations without a solution"), gradients=WHOLE,
                    message=_is("string", "how the optimiser ended"), output=TEXT, warnings=_WARNINGS)
 
 

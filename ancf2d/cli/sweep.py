@@ -83,13 +83,13 @@ def command(session: Session, case: str, over: tuple[str, ...], pair: bool, samp
     if any row fails.
     """
     session.subject = {"case": case}
-    from ..results import check_output
+    from ..results.target import TABLE, check_output
     from ..study.sweep import plan
 
     axes, drawn = _values(over, pair, sample, (samples, seed, design))
     who = workers(jobs, scheduler)
     folder = Path(out if out is not None else f"{case_stem(case)}-sweep")
-    check_output(csv_file, force, case)
+    check_output(csv_file, force, case, kind=TABLE)
     sweep = plan(case, axes, overrides, folder, who, session.command_line, force, paired=pair, samples=drawn, keep=keep)
     session.parting = lambda: _part(session, sweep)
     session.subject = sweep.as_json()

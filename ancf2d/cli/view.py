@@ -26,12 +26,12 @@ def command(session: Session, file: str, save: str | None, fields: tuple[str, ..
 
     The page needs no network. Long runs are thinned to keep it below 5 MB; the result file does not change.
     """
-    from ..results import check_output, open_results
-    from ..results.target import replacing
+    from ..results import open_results
+    from ..results.target import PAGE, check_output, replacing
     from ..study.fields_of_states import StatesWithFields
     from ..view import make_page, serve
 
-    check_output(save, force, file)
+    check_output(save, force, file, kind=PAGE)
     with StatesWithFields(file) if fields else open_results(file) as results:
         page = make_page(results, fields=fields)
     if save is not None:

@@ -219,6 +219,8 @@ class CompliantContact:
 
     rest = slack = 0.0
     angle = False
+    # no spring of the case
+    path = ""
     # when it acts: always
     active = None
     sections: tuple[PointRef | None, ...] = ()

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from operator import add
 from typing import Any, TypeVar
 
+import numpy as np
+
 from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import NAME, Choice, Number
@@ -16,6 +18,7 @@ from ..case.schema.amplitudes import ExpressionText
 from ..case.schema.case import register
 from ..case.schema.points import ENDS, SPRING_ENDS, GroundPoint, MovingPoint, Point, check_ends
 from ..elements.point_laws import DIRECTION, PointLaw
+from ..elements.shape import Array
 from ..errors import PluginError
 from ..model.mesh import BodyMesh
 from ..model.point_patch import (
@@ -31,7 +34,7 @@ from ..model.points import PointRef, point_ref
 from ..model.timing import Timing
 from .formulas import by_formula, spring_formula, uses_rate
 from .moving import MovingPatch
-from .spring_laws import spring_law
+from .spring_laws import spring_law, twist
 
 R = TypeVar("R", bound=type)
 ONLY = Choice("tension", "compression")
@@ -43,6 +46,8 @@ TURN_DOC = ("Moment as a formula in u, the relative rotation minus angle [rad], 
             "and damping; a positive moment turns the second end back")
 # values that the force function of a spring returns
 RETURNS = ("energy", "N", "dN/du", "dN/d(rate)")
+# difference of lengths, relative to them, that is round-off
+ROUND = 4 * np.finfo(float).eps
 End = PointRef | GroundPoint
 
 
@@ -63,6 +68,18 @@ class Spring(PointPatch):
         super().__init__(law, fields, [rest, *par], sections=sections)
         self.rest, self.slack, self.damped = rest, slack, damped
         self.angle = self.law.accept is not None
+
+    def moments_of_angle(self, d: Array) -> Array:
+        """Return the sizes (n,) of the forces of the whole angle of a rotational spring at displacements d (n_full,).
+
+        After large rotations, or many turns, the angle is larger than the displacements that it is computed from.
+        """
+        u, slopes = self.G @ d[self.dofs[0]], np.zeros(len(self.p0))
+        angle, _ = twist(self.p0, u, self.par, self.mem, slopes)
+        _, H, _ = self.forces(u, 0.0)
+        stiffness = abs(slopes @ H @ slopes) / (slopes @ slopes) ** 2
+        return np.asarray(stiffness * (abs(angle) + abs(self.par[0]) + np.abs(self.mem).sum())
+                          * np.abs(slopes @ self.G))
 
     def tighten(self, share: float) -> None:
         """Set the free length or angle to a ``share`` of the way from ``slack`` to ``rest``, its own value."""
@@ -169,12 +186,21 @@ def by_force(cls: R) -> R:
 
     def with_formula(self: Any, ends: list[End]) -> Spring:
         if self.force is None:
-            return place(self, ends)  # type: ignore[no-any-return]
+            return _met(place(self, ends), slice(-2, None))
         formula, angle = spring_formula(self.force), cls.law.accept is not None  # type: ignore[attr-defined]
         constants = [float(formula.address), *_acting(self.only, self.gap), 0.0 if self.damped else 1.0]
-        return (about if angle else along)(FORMULA_LAWS[angle], ends, constants, self.damped, self.rest())
+        placed = (about if angle else along)(FORMULA_LAWS[angle], ends, constants, self.damped, self.rest())
+        return _met(placed, slice(-3, -1))
     cls.place = with_formula  # type: ignore[attr-defined]
     return cls
+
+
+def _met(spring: Spring, bounds: slice) -> Spring:
+    """Return a spring that acts in the reference if its bounds (constants) are met there but for round-off."""
+    start, size = spring.slack - spring.rest, max(abs(spring.slack), abs(spring.rest))
+    gaps = spring.par[bounds]
+    gaps[np.abs(gaps - start) <= ROUND * size] = start
+    return spring
 
 
 def linear(s, rate, par):  # type: ignore[no-untyped-def]

@@ -54,6 +54,11 @@ class ElasticTendon(PointPatch):
         self.par[1] = self.slack = self.rest
 
     @property
+    def winds(self) -> bool:
+        """Whether its unstretched length changes."""
+        return self.signal is not None and self.par[2] != 0.0
+
+    @property
     def winding_strain(self) -> float:
         """The strain that winding from load factor 0 to 1 would cause in a rigid model."""
         amount = 0.0 if self.signal is None else self.signal(1.0) - self.signal(0.0)

@@ -195,6 +195,7 @@ class _Builder:
                 self.report(("springs", k, "gap"), f"springs.{k}: {never}", "a smaller gap, or a larger length")
             placed.active = self.timing.window(getattr(spring, "active", None))
             placed.breaks = (0,) if getattr(spring, "breaks", False) else ()
+            placed.path = f"springs.{k}"
 
     def add_flows(self) -> None:
         for what in self.case.flows:
@@ -218,10 +219,13 @@ class _Builder:
             out = self.loads
             if load.name in self.case.inputs:
                 out, context = self.inputs.setdefault(load.name, LoadSet()), replace(context, amplitude=lambda t: 1.0)
+            before = len(out.springs)
             try:
                 load.add(context, out)
             except PartError as error:
                 self.report(("loads", i, *error.key), f"loads.{i}: {error}", error.expected)
+            for tendon in out.springs[before:]:
+                tendon.path = f"loads.{i}"
         for one in self.inputs.values():
             # tendons that are inputs have zero amplitude in the state of linearisation
             for tendon in one.springs:
@@ -319,14 +323,13 @@ class _Builder:
             motions = free_motions(*scene, sliding=True)
             self.hangs = not motions
         for motion in motions:
-            idle = [f"springs.{k}" for (k, item), spring in
-                    zip(self.case.resting_springs.items(), self.springs, strict=True)
-                    if item.breaks and not spring.reference_stiffness().any()]
+            idle = [spring.path for spring in self.springs
+                    if spring.breaks and not spring.reference_stiffness().any()]
             # loads may make these springs act, but load steps begin in the reference
             so = (f"so no static solution can be reached from the reference ({', '.join(idle)}: inactive in the "
                   "reference)") if idle else "so there is no static solution"
-            self.report(("boundary_conditions",), f"{motion}, {so}", "a support, joint or spring that prevents this"
-                        + (", such as a weak spring that always acts" if idle else ""))
+            self.report(("boundary_conditions",), f"{motion}, {so}", "a support, joint, spring or elastic tendon that "
+                        "prevents this" + (", such as a weak spring that always acts" if idle else ""))
 
 
 def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = None,
@@ -350,14 +353,14 @@ def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = N
     b.drop_repeated(elimination)
     b.check_motions()
     b.check_equations(elimination)
+    b.add_masses()
+    b.add_flows()
+    b.add_loads()
     if known is None:
         b.check_mechanism()
     else:
         b.hangs = known.hangs
     raise_any(b.problems)
-    b.add_masses()
-    b.add_flows()
-    b.add_loads()
     contacts = b.add_contacts(elimination)
     raise_any(b.problems)
     for k, constraint in enumerate(b.equations.constraints):

@@ -144,6 +144,8 @@ class PointPatch:
     # when it acts (None: always); first numbers of runs of items that are unilateral or have a gap (0: all items)
     active: Active | Latch | None = None
     breaks: Sequence[int] = ()
+    # the path in the case of the spring or tendon that it is
+    path = ""
     # the points of bodies at which it acts, with the fields of each, where they are known separately
     ends: Sequence[tuple[PointRef, Sequence[Field]]] = ()
 

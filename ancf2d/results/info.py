@@ -70,7 +70,7 @@ def describe_text(found: dict[str, Any]) -> str:
         ("versions", ", ".join(f"{k} {v}" for k, v in made["versions"].items())),
         ("units", ", ".join(units.values())),
         ("size", f"{many(found['dofs'], 'nodal coordinate')}, "
-                 f"{many(found['states'], 'state')}, {many(found['steps'], 'step')}"),
+                 f"{many(found['states'], 'state')}, {many(found['steps'], 'step')}" if found["bodies"] else ""),
     ]
     if found["range"]:
         moves = found["solver"] in OVER_TIME

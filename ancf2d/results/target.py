@@ -9,6 +9,7 @@ import re
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from itertools import chain
 from pathlib import Path
 
 from ancf2d.errors import ResultsError
@@ -29,6 +30,10 @@ _PROBE_COLUMNS = ["x", "y", "ux", "uy", "theta"]
 # first columns of reactions, controllers, moving points and obstacles, which may follow those of probes
 _OTHER_COLUMNS = (["fx", "fy", "m"], ["output"], ["s"], ["ux", "uy", "theta"])
 _FACES = [f"{axis}_{face}" for face in ("axis", "top", "bottom") for axis in "xy"]
+# kinds of files with one format, whose names may have any suffix but those of the other formats
+RESULTS, CASE, PAGE, TABLE = "a result file", "a case", "a page", "a table"
+_SUFFIXES = {RESULTS: (".h5", ".hdf5"), CASE: (".yaml", ".yml"), PAGE: (".html", ".htm"), TABLE: (".csv",)}
+_FOREIGN = {".json", ".vtkhdf", ".npz", ".mat", ".png", ".svg", ".pdf", ".gif", ".mp4", *chain(*_SUFFIXES.values())}
 
 
 def is_own(path: str | os.PathLike[str]) -> bool:
@@ -99,11 +104,13 @@ def part_path(path: str | os.PathLike[str]) -> Path:
     return path.parent / f"{path.name}.part"
 
 
-def check_output(path: str | os.PathLike[str] | None, force: bool, *inputs: str | os.PathLike[str]) -> None:
+def check_output(path: str | os.PathLike[str] | None, force: bool, *inputs: str | os.PathLike[str],
+                 kind: str | None = None) -> None:
     """Raise ResultsError if an output file cannot be written, is an input, or was not made by ancf2d.
 
     Commands call it before any long computation. ``force`` allows to replace files that ancf2d did not make, but none
-    of the ``inputs``. A path of None is accepted.
+    of the ``inputs``. ``kind``: what is written, for a file whose name must not have the suffix of another format. A
+    path of None is accepted.
     """
     if path is None:
         return
@@ -114,7 +121,17 @@ def check_output(path: str | os.PathLike[str] | None, force: bool, *inputs: str 
     for given in inputs:
         if os.path.exists(given) and path.exists() and os.path.samefile(given, path):
             raise ResultsError(f"'{path}' is an input of this command; choose another output file")
+    if kind is not None:
+        _check_suffix(path, kind)
     check_replaceable(path, force)
+
+
+def _check_suffix(path: Path, kind: str) -> None:
+    """Raise ResultsError if a file of this kind has the suffix of another format."""
+    suffix, own = path.suffix.lower(), _SUFFIXES[kind]
+    if suffix in _FOREIGN and suffix not in own:
+        raise ResultsError(f"cannot write '{path}': {kind} does not have the format of {suffix}; expected for example "
+                           f"'{path.with_suffix(own[0])}'")
 
 
 def check_folder(path: Path) -> None:
@@ -176,6 +193,7 @@ class Target:
         self.path = Path(path)
         self.part = part_path(self.path)
         self.force = force
+        _check_suffix(self.path, RESULTS)
         check_folder(self.path)
         self._descriptor = -1
         self._old = self._claim_old_part()

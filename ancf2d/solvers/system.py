@@ -165,6 +165,9 @@ class System:
         self.divided.total(lambda g: force_noise(g, d, out))
         for _, q, K, dofs in self.patches(d, t):
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
+        for spring in self.model.springs:
+            if spring.angle:
+                np.add.at(out, spring.dofs[0], spring.moments_of_angle(d))
         if sticks(self.model):
             # forces on sticking points are only as accurate as their positions
             for batch in self.model.interactions.point_constraints:
@@ -181,6 +184,8 @@ class System:
         sizes = n.reduce_sizes(out)
         if isinstance(self.matrix, Symmetric):
             self.matrix.add_pulls(scales, sizes)
+        # the round-off of one body moves others through joints, even if they bear nothing
+        sizes[n.free < n.n_q] += UNIT_ROUNDOFF * largest(sizes)
         sizes *= UNIT_ROUNDOFF
         return sizes
 

@@ -49,7 +49,7 @@ class Point:
 
 @dataclass
 class Optimum:
-    """The best values found: ``rows`` by number, ``constraints``, and the ``history`` of all evaluations."""
+    """The best values found: ``rows`` by number, ``constraints``, and the ``history`` of evaluations that succeeded."""
 
     case: str
     title: str
@@ -58,6 +58,7 @@ class Optimum:
     minimum: float
     constraints: list[dict[str, Any]]
     evaluations: int
+    failed: int
     gradients: int
     found: bool
     message: str
@@ -69,8 +70,8 @@ class Optimum:
         out: dict[str, Any] = {
             "case": self.case, "title": self.title, "status": "converged" if self.found else "failed",
             "minimise": self.measure, "rows": self.rows, "minimum": self.minimum, "constraints": self.constraints,
-            "evaluations": self.evaluations, "gradients": self.gradients, "message": self.message,
-            "warnings": self.warnings}
+            "evaluations": self.evaluations, "failed": self.failed, "gradients": self.gradients,
+            "message": self.message, "warnings": self.warnings}
         if not self.found:
             out["reason"] = self.message
         return out
@@ -118,7 +119,7 @@ class _Search:
         self.range = self.high - self.low
         self.history: list[Point] = []
         self.warnings: dict[bytes, list[str]] = {}
-        self.gradients = 0
+        self.gradients = self.failed = 0
         self._last: tuple[bytes, DifferentiableRun] | None = None
         self._known: dict[bytes, Array] = {}
         self.known_slopes: dict[bytes, Array] = {}
@@ -152,7 +153,7 @@ class _Search:
                 run = DifferentiableRun(here, self.problem.measures, self.progress, self.warnings[key].append,
                                         len(self.problem.variables))
             except ComputationError as error:
-                f = error.failure
+                self.failed, f = self.failed + 1, error.failure
                 raise ComputationError(f"the case cannot be solved with {', '.join(self.overrides(y))}: {f.reason}",
                                        at=f.at, history=f.history, advice="narrower bounds, or more load steps"
                                        ) from error
@@ -359,8 +360,7 @@ def _constraints(search: _Search, method: str) -> list[Any]:
 def _optimum(problem: Problem, search: _Search, y: Array, success: bool, message: str) -> Optimum:
     y = search.preferred(y)
     values, x = search.values(y), search.x(y)
-    rows = []
-    starts = search.x(search.start).tolist()
+    starts, rows = search.x(search.start).tolist(), []
     for bound, start, value, share in zip(problem.bounds, starts, x.tolist(), y.tolist(), strict=True):
         at = "low" if share <= AT_BOUND else "high" if share >= 1 - AT_BOUND else None
         rows.append({"path": bound.path, "value": value, "start": start, "low": bound.low,
@@ -381,7 +381,8 @@ def _optimum(problem: Problem, search: _Search, y: Array, success: bool, message
         warned.append(f"{minimised} does not depend on any of the numbers that vary" + (
             ": no material or section of the case has a mass" if minimised == MASS and not values[0] else ""))
     return Optimum(loaded.source.file, loaded.case.title, minimised, rows, float(values[0]), constraints,
-                   len(search.history), search.gradients, success, message, search.history, warned)
+                   len(search.history) + search.failed, search.failed, search.gradients, success, message,
+                   search.history, warned)
 
 
 def write_optimisation(found: Optimum, loaded: LoadedCase, path: str, command: str = "", *, force: bool = False

@@ -15,7 +15,7 @@ from ..case.axes import Axis, combinations
 from ..case.compose import read_text
 from ..case.numbers import unused_parameters
 from ..case.overrides import OPTION as SET
-from ..errors import CaseError, Problem, ResultsError, verdict
+from ..errors import CaseError, Problem, ResultsError, raise_any, verdict
 from .digests import content_name, files_of
 from .forecast import Done, Forecast, steps_of
 from .pool import ALONE, Workers, no_interrupts, run_jobs
@@ -45,12 +45,13 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
     """Return the sweep of a case file over some axes, with nothing computed yet; results go to ``folder``.
 
     The axes are combined; with ``paired`` or ``samples``, they are run through together. An invalid variant gives a
-    refused row. Raises CaseError with all problems if all variants are invalid, and if no row uses a parameter that
-    varies.
+    refused row. Raises CaseError with all problems if all variants are invalid, if no row uses a parameter that varies,
+    and if an axis overwrites a value that another option gives.
     """
     text, file, known = read_text(case), workers.file(case), vocabulary()
     axes = axes if samples is None else samples.axes
     origin = CaseText(text, file, os.path.dirname(file))
+    _check_overwritten(origin, overrides, axes)
     sweep = Sweep(case, "", axes, folder, [], [], samples=samples, keep=keep, force=force, command=command)
     problems: list[Problem] = []
     unused = [axis for axis in axes if axis.path.startswith("parameters.")]
@@ -82,6 +83,18 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
         raise CaseError([Problem(f"nothing in the case uses {axis.path}", f"{axis.option}{axis.text}",
                                  expected="a parameter that a formula of the case names") for axis in unused])
     return sweep
+
+
+def _check_overwritten(origin: CaseText, overrides: Sequence[str], axes: list[Axis]) -> None:
+    """Raise CaseError if an axis overwrites a value that an earlier option gives."""
+    given = [(f"{SET}{text}", origin.place(text.partition("=")[0].removesuffix("+"))) for text in overrides]
+    problems = []
+    for axis in axes:
+        option, place = f"{axis.option}{axis.text}", origin.place(axis.path)
+        problems += [Problem(f"{option} overwrites this value in every row", earlier, expected="one of them")
+                     for earlier, other in given if other[:len(place)] == place]
+        given.append((option, place))
+    raise_any(problems)
 
 
 def _size(case: Case) -> float:

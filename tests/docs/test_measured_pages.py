@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 from instruments.endurance import events, repeats, stops
 from instruments.fuzz import case_trial, result_trial
-from instruments.motions import cases, conservation, crossings, joints, kills, orders, traps
+from instruments.motions import cases, conservation, crossings, estimates, joints, kills, orders, traps
 
 from scripts.pages import DOCS
 
@@ -17,7 +17,8 @@ TABLES: dict[str, dict[str, Callable[[], str] | None]] = {
     "motion.md": {
         "stamp": None, "cases": cases.exact, "given": cases.given, "paper": cases.paper, "apart": cases.apart,
         "drift": lambda: conservation.drifts(1_000_000), "steady": lambda: conservation.steadies(1000.0),
-        "turned": conservation.turned, "traps": traps.report, "tolerances": traps.tolerances, "joints": joints.report,
+        "turned": conservation.turned, "traps": traps.report, "tolerances": traps.tolerances,
+        "estimates": estimates.report, "joints": joints.report,
         "orders": orders.report, "kills": lambda: kills.report(50)},
     "moving.md": {"crossings": crossings.report},
     "robustness.md": {

@@ -111,6 +111,30 @@ def test_a_load_of_ones_own_in_statics_modes_and_motion() -> None:
 
 
 @pytest.mark.usefixtures("registries")
+def test_a_load_of_ones_own_may_have_a_key_of_tendons() -> None:
+    @extend.load(lambda x, y, par: (-par[0] * x, 0.0, -par[0], 0.0, 0.0, 0.0), potential=True)
+    @extend.record
+    class Well:
+        """A force -k x on a point."""
+
+        tag = "well"
+        at: object = extend.key(extend.POINT, "Point")
+        stiffness: float = extend.key(extend.Number("N/m"), "k")
+        amplitude: object = extend.key(extend.AMPLITUDE, extend.AMPLITUDE_DOC, default=None)
+        name: str | None = extend.key(extend.NAME, "Name", default=None)
+
+        def constants(self):
+            return [self.stiffness]
+    loads = [{"type": "well", "at": "rod@0", "stiffness": 100.0, "amplitude": {"type": "constant"}},
+             {"type": "force", "at": "rod@0", "value": [3.0, 0]}]
+    spring = [{"type": "translational", "between": [[-1, 0], "rod@0"], "stiffness": 200.0}]
+    # linear statics takes loads as they are in the reference
+    for solver, stiffness in (("linear_static", 200.0), ("static", 300.0)):
+        found = rod({"type": solver}, springs=spring, loads=loads)
+        assert found.probes["end"]["ux"] == pytest.approx(3.0 / stiffness, rel=1e-6)
+
+
+@pytest.mark.usefixtures("registries")
 def test_a_motion_begins_from_the_equilibrium_under_a_load_of_ones_own() -> None:
     """At t = 0 the magnet pulls with half its strength: the motion begins where that is in balance."""
     add("magnet")

@@ -15,7 +15,8 @@ from ancf2d.plot import animate, data_csv, save
 from ancf2d.plot.style import Look
 from ancf2d.results import check_output, open_results
 from ancf2d.results.export import export
-from ancf2d.results.target import is_own
+from ancf2d.results.target import CASE as CASE_FILE
+from ancf2d.results.target import PAGE, RESULTS, TABLE, is_own
 
 MEASURED = """\
 t,tip.uy
@@ -114,3 +115,21 @@ def test_odd_names_of_output_files_are_refused(tmp_path: Path, monkeypatch: pyte
     (tmp_path / "folder").mkdir()
     with pytest.raises(ResultsError, match=said):
         check_output(name, force, "a.h5")
+
+
+@pytest.mark.parametrize(("kind", "own"), [(RESULTS, "a.h5"), (CASE_FILE, "a.yaml"), (PAGE, "a.html"),
+                                           (TABLE, "a.csv")])
+def test_no_file_has_the_suffix_of_another_format(tmp_path: Path, kind: str, own: str) -> None:
+    for name in ("a.h5", "a.yaml", "a.html", "a.csv", "a.JSON", "a.png", "a.vtkhdf", "a", "a.v2", "a.b.part"):
+        path = tmp_path / name
+        if name == own or Path(name).suffix in ("", ".v2", ".part"):
+            check_output(path, True, kind=kind)
+        else:
+            with pytest.raises(ResultsError, match=f"does not have the format of .*{own}'"):
+                check_output(path, True, kind=kind)
+
+
+def test_a_writer_refuses_the_suffix_of_another_format(tmp_path: Path) -> None:
+    with pytest.raises(ResultsError, match=r"expected for example '.*probes\.h5'"):
+        bent_beam(tmp_path / "probes.csv")
+    assert not [*tmp_path.iterdir()]

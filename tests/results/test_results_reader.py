@@ -14,7 +14,7 @@ import pytest
 from synthetic import BODIES, HEADER, bent_beam, coordinates, table_file, tangent_body
 
 from ancf2d.errors import ResultsError
-from ancf2d.results import FieldRecord, ResultWriter, describe, describe_text, open_results, part_path
+from ancf2d.results import FieldRecord, ResultWriter, describe, describe_text, open_results, part_path, write_tables
 from ancf2d.results import safe as safe_module
 from ancf2d.results import series as series_module
 from ancf2d.results import writer as writer_module
@@ -381,3 +381,10 @@ def test_info_lists_tables(tmp_path: Path) -> None:
         assert r.tables["convergence"]["element"] == ["cable"] * 4
         assert r.tables["convergence"].attrs == {"goal": "tip uy"}
         assert np.isnan(r.tables["convergence"]["order"][0])
+
+
+def test_info_of_a_study_gives_no_size_of_a_mesh(tmp_path: Path) -> None:
+    path = write_tables(tmp_path / "a.h5", HEADER, {"sweep": ({"height": [0.1, 0.2]}, {})}, (), {})
+    text = describe_text(describe(path))
+    assert "sweep: 2 rows of height" in text
+    assert "nodal coordinate" not in text

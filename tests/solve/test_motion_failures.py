@@ -15,7 +15,7 @@ from ancf2d.errors import ComputationError
 from ancf2d.kernels.motion.state import COUNT, NOT_FINITE, NUMBERS, SINGULAR
 from ancf2d.model.timing import Signal
 from ancf2d.solvers.motion.dynamic import Run
-from ancf2d.solvers.motion.estimate import LEVELS, SAFETY, TENFOLD, Estimate
+from ancf2d.solvers.motion.estimate import DOUBLE, LEVELS, SAFETY, TENFOLD, Estimate
 from ancf2d.solvers.motion.failures import failure
 from ancf2d.solvers.motion.schemes import INTEGRATORS
 from ancf2d.solvers.registry import solve
@@ -120,12 +120,25 @@ def estimate_of(fine: float, tolerance: float, steps: int, asked: bool = True, g
     return found
 
 
+@pytest.mark.parametrize(("growth", "share"), [(2.0**5, 1 / 7), (2.0**4.2, 1 / (2**2.6 - 1)), (2.0**3.5, 1.0),
+                                                (2.0, 1.0), (0.5, 1.0)])
+def test_fixed_steps_count_half_of_the_methods_own_order_and_no_other(growth: float, share: float) -> None:
+    """Radau's order is 5; steps of dt, 2 dt and 4 dt."""
+    found = estimate_of(1e-4, 1e-5, 773, growth=growth)
+    found.factor, found.made = DOUBLE, np.array([[1.0, 773 / 2], [1.0, 773 / 4]])
+    assert found.report()["estimate"] == pytest.approx(SAFETY * 1e-4 * share, rel=1e-2)
+
+
+# differences that shrink tenfold, of order 4 in steps that are 10^(1/4) times as long, by the error of order 2.5
+LEFT = 10.0**(2.5 / 4) - 1.0
+
+
 @pytest.mark.parametrize(("fine", "words"), [
-    (9 * 9e-5, []), (9 * 1.1e-4, ["the tolerance is missed", "11 times", "Use a tolerance of about 5e-06"]),
-    (9 * 5e-3, ["the tolerance is missed", "add up. Use a tolerance of about 2e-07"]),
-    (9 * 8e-2, ["the tolerance is missed", "8000 times the tolerance 1e-05", "sensitive to its initial state"])])
+    (LEFT * 9e-5, []), (LEFT * 1.1e-4, ["the tolerance is missed", "11 times", "Use a tolerance of about 5e-06"]),
+    (LEFT * 5e-3, ["the tolerance is missed", "add up. Use a tolerance of about 2e-07"]),
+    (LEFT * 8e-2, ["the tolerance is missed", "8000 times the tolerance 1e-05", "sensitive to its initial state"])])
 def test_a_tolerance_that_is_missed_is_told(fine: float, words: list[str]) -> None:
-    """Differences that shrink tenfold leave a ninth; errors of 773 steps of 1e-5 add up to 7.7e-3 where none grows."""
+    """Errors of 773 steps of 1e-5 add up to 7.7e-3 where none grows."""
     said = estimate_of(fine / SAFETY, 1e-5, 773).warnings()
     assert not estimate_of(fine / SAFETY, 1e-5, 773, asked=False).warnings()
     assert len(said) == bool(words)
@@ -171,9 +184,9 @@ def test_methods_of_low_order_that_miss_a_tolerance_name_a_better_one(method: st
 
 @pytest.mark.parametrize(("angle", "told"), [("30*t", True), ("30*t^2", False), (None, False)])
 def test_a_prescribed_motion_that_starts_with_a_jump_is_named_as_a_cause(angle: str | None, told: bool) -> None:
-    (said,) = estimate_of(4e-2, 1e-5, 773, driven=angle).warnings()
+    (said,) = estimate_of(LEFT * 4e-3, 1e-5, 773, driven=angle).warnings()
     assert ("begins at full speed" in said) == told
-    (said,) = estimate_of(4e-2, 1e-5, 773, driven=angle, obstacle=True).warnings()
+    (said,) = estimate_of(LEFT * 4e-3, 1e-5, 773, driven=angle, obstacle=True).warnings()
     assert "begins at full speed" not in said
 
 

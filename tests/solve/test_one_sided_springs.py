@@ -54,6 +54,32 @@ def test_a_spring_acts_on_its_side_alone(name, spring, tip):
         assert moved == pytest.approx(wanted, rel=3e-3), force
 
 
+def test_a_folded_antenna_unfolds_against_its_stops():
+    """Two hinges turn by about 3 rad: k (theta - rest) + k_stop (theta - gap) = 0 at each; nothing else is loaded.
+
+    A stop of 5 kN m/rad and the round-off of 3 rad make moments far beyond the round-off of the displacements, and the
+    root, which bears nothing, moves by round-off of the others alone.
+    """
+    mast = {"height": 0.02, "width": 0.02}, {"E": 7e10, "nu": 0.3}
+    bodies = {"a": h.body(h.line(0.5, math.pi / 2), h.element("reissner3", 2), *mast),
+              "b": {**h.body(h.line(1.0), {"type": "rigid"}, *mast),
+                    "geometry": {"type": "line", "start": [0, 0.5], "end": [0.05, 0.02]}},
+              "c": {**h.body(h.line(1.0), h.element("cable", 4), *mast),
+                    "geometry": {"type": "line", "start": [0.05, 0.02], "end": [0.1, 0.5]}}}
+    hinges = ["a@1", "b@0"], ["b@1", "c@0"]
+    drives = (2.0, 3.6, 5e3, 3.0377, "tension"), (1.0, -3.5, 2e3, 2.9340, "compression")
+    springs, turned = [], []
+    for between, (k, rest, stop, gap, only) in zip(hinges, drives, strict=True):
+        springs += [{"type": "rotational", "between": between, "stiffness": k, "angle": rest},
+                    {"type": "rotational", "between": between, "stiffness": stop, "gap": gap, "only": only}]
+        turned.append((k * rest + stop * math.copysign(gap, rest)) / (k + stop))
+    found = h.solved(bodies, "static", bc=[{"type": "clamp", "at": "a@0"}], springs=springs,
+                     joints=[{"type": "pin", "between": between} for between in hinges])
+    first = 0.5j + (0.05 - 0.48j) * np.exp(1j * turned[0])
+    tip = first + (0.05 + 0.48j) * np.exp(1j * sum(turned))
+    assert found.r("c@1") == pytest.approx([tip.real, tip.imag], abs=1e-9)
+
+
 GAP, MASS, STIFFNESS, SPEED = 0.1, 2.0, 800.0, 3.0
 OMEGA = math.sqrt(STIFFNESS / MASS)
 PERIOD = 4 * GAP / SPEED + 2 * math.pi / OMEGA
@@ -97,6 +123,19 @@ def test_small_motions_on_the_verge_of_a_spring_are_those_with_it():
     assert pair[1].tables["modes"]["omega"] == pytest.approx(pair[0].tables["modes"]["omega"], rel=1e-12)
     assert pair[0].warnings == []
     assert "is one-sided" in pair[1].warnings[0]
+
+
+@pytest.mark.parametrize("law", [{"stiffness": 800.0}, {"force": "800*u"}], ids=["stiffness", "formula"])
+@pytest.mark.parametrize("only", ["tension", "compression"])
+@pytest.mark.parametrize("gap", [0.1, 0.2, 0.25, 0.3, 0.7])
+def test_a_gap_that_is_closed_in_the_reference_is_closed_whatever_the_round_off(gap, only, law):
+    """1 - 0.9 is less than 0.1 in doubles, 1 - 0.8 less than 0.2, and 1 - 0.75 is 0.25."""
+    length = 1.0 - gap if only == "tension" else 1.0 + gap
+    found = h.solved({"b": rigid([0, 0], [1, 0], 2.0, 0.1)}, {"type": "eigen", "modes": 1}, bc=STOPS["bc"],
+                     springs=[{"type": "translational", "between": [[-1, 0], "b@0"], "length": length, "gap": gap,
+                               "only": only, **law}]).state
+    assert found.tables["modes"]["omega"] == pytest.approx([20.0], rel=1e-12)
+    assert "is one-sided" in found.warnings[0]
 
 
 # a bar of 0.4 kg that flies 0.1931 m to each side, at 1 m/s, and is in a stop for 13.7 ms

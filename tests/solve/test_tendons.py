@@ -202,6 +202,33 @@ def test_an_elastic_tendon_never_pushes() -> None:
     assert abs(held.u("a@1")[1]) < 0.01 * abs(alone.u("a@1")[1])
 
 
+@pytest.mark.parametrize("solver", ["linear_static", "static", {"type": "static", "method": "arc_length"},
+                                    {"type": "eigen", "modes": 1, "about": "static"}])
+@pytest.mark.parametrize("slack", [0.0, -1.0])
+def test_a_load_hangs_on_a_rope_that_a_winch_has_wound_up(solver: Any, slack: float) -> None:
+    """T = m g and l = l0 (1 + T/EA), with l0 = 5 m + slack; the load vibrates with omega^2 = EA/(l0 m)."""
+    mass, stiffness, l0 = 40.0, 1e5, 5.0 + slack
+    load = {"geometry": {"type": "line", "start": [2, -3], "end": [2, -3.2]},
+            "element": {"type": "rigid", "mass": mass, "inertia": 1.0}}
+    found = helpers.solved({"load": load}, solver, bc=[{"type": "roller", "at": f"load@{s}", "fixed": "x"}
+                                                       for s in (0, 1)],
+                           loads=[{"type": "gravity", "value": [0, -9.81]},
+                                  {"type": "tendon", "through": [[0, 0], [2, 0], "load@0"], "stiffness": stiffness,
+                                   "slack": slack}])
+    assert found.r("load@0")[1] == pytest.approx(2.0 - l0 * (1 + mass * 9.81 / stiffness), rel=1e-9)
+    if solver not in ("linear_static", "static") and solver["type"] == "eigen":
+        omega = found.state.report["frequencies"][0]["omega"]
+        assert omega == pytest.approx(np.sqrt(stiffness / l0 / mass), rel=1e-9)
+
+
+def test_a_tendon_that_is_slack_in_the_reference_is_named_where_it_would_have_to_hold_a_body() -> None:
+    tendon = {"type": "tendon", "through": [[0, 1], "a@0"], "stiffness": 1e5, "slack": 0.1,
+              "amplitude": {"type": "constant"}}
+    with pytest.raises(CaseError, match=r"'a' is free to move along \(0, 1\).*loads.0: inactive in the reference"):
+        helpers.solved({"a": beam(count=2)}, "static", loads=[tendon],
+                       bc=[{"type": "prescribed", "at": "a@0", "x": 0, "angle": 0}])
+
+
 @pytest.mark.parametrize(("up", "slack", "said"), [
     (-1.0, 0.0, None), (1.0, 0.0, "loads.1 would push"), (0.1, -1e-2, None),
     (-1.0, 1e-6, "loads.1 hangs loose in the reference and then pulls"), (1.0, 1e-6, None)])

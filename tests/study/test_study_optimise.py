@@ -267,6 +267,9 @@ def test_a_step_to_a_design_that_collapses_is_shortened():
     width = best.rows[0]["value"]
     assert best.minimum == pytest.approx(7850 * 0.1 * width)
     assert width == pytest.approx(brentq(lambda w: deflection(w) - 0.011, 0.0165, 0.02), rel=0.03)
+    # runs that fail count
+    assert best.failed > 0
+    assert best.evaluations == len(best.history) + best.failed
 
 
 @pytest.mark.slow

@@ -155,6 +155,25 @@ def test_a_case_that_only_the_axes_complete_is_none_that_is_wrong(folder: Path) 
     assert [row.status for row in swept("bodies.beam.element.count=1,2").rows] == ["converged"] * 2
 
 
+@pytest.mark.parametrize(("over", "given", "told"), [
+    (["loads.0.value.1=-1,-2"], ["loads.tip.value.1=-3"], "--set loads.tip.value.1=-3"),
+    (["loads.tip.value=[0,-1],[0,-2]"], ["loads.0.value.1=-3"], "--set loads.0.value.1=-3"),
+    (["bodies.beam.element.count=2,4", "bodies.beam.element={type: cable}"], [],
+     "--over bodies.beam.element.count=2,4"),
+    (["loads=[],[]"], ["loads+={type: force, at: beam@1, value: [0, 1]}"],
+     "--set loads+={type: force, at: beam@1, value: [0, 1]}")])
+def test_a_value_that_an_axis_overwrites_is_refused(over: list[str], given: list[str], told: str) -> None:
+    with pytest.raises(CaseError, match="overwrites this value in every row") as found:
+        swept(*over, overrides=tuple(given))
+    assert [p.file for p in found.value.problems] == [told]
+
+
+def test_an_axis_within_a_value_that_is_set_varies_it() -> None:
+    found = swept("bodies.beam.section.EI=1e3,2e3", overrides=("bodies.beam.section={EA: 1e7, EI: 1, kGA: 1e7}",))
+    assert [row.status for row in found.rows] == ["converged"] * 2
+    assert found.rows[0].goal != found.rows[1].goal
+
+
 def test_folder_in_the_way_of_which_is_a_file_is_told(folder: Path) -> None:
     (folder / "out").write_text("mine")
     with pytest.raises(ResultsError, match="cannot make the folder 'out'"):

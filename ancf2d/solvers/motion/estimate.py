@@ -32,6 +32,9 @@ DOUBLE, TENFOLD = 2.0, 10.0
 SAFETY = 1.25
 # differences that shrink by less than this between levels, as with unresolved vibrations, show no order: assume 1
 FALLS = 3.0
+# share of the method's order that differences of fixed steps must show: they fall by smaller orders also if none of the
+# levels resolves vibrations, and then errors hardly fall
+CONFIRMED = 0.8
 # bound on the error, as a multiple of the difference, if steps are hardly longer, as where Newton's method limits them;
 # smaller for fixed steps, because each level cuts these at other places, so that errors of levels differ more
 LARGEST = {DOUBLE: 2.0, TENFOLD: 4.0}
@@ -268,6 +271,9 @@ class Estimate:
         order = 1.0
         if self.levels == LEVELS and rough >= FALLS * fine and second > first and located == 0.0:
             order = _order(rough / fine, first, second, self.stepper.method.order)
+            confirmed = self.factor != DOUBLE or order >= CONFIRMED * self.stepper.method.order
+            # differences do not show the part of the error that all levels share
+            order = 0.5 * (1.0 + order) if confirmed else 1.0
         return SAFETY * fine * min(largest, 1.0 / (first ** order - 1.0)) + FIXED_STEP_GAP * located, power
 
     def _alike(self) -> bool:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import replace
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from ...model.points import dot
 from ...model.switched import CLOSED, is_off, store_held_values
 from ...results.records import EVENT_WORDS
 from ..linear import dense
+from ..state import Row
 
 # a constraint repeats others if less than this share of its gradient is independent of theirs
 SAME = 1e-7
@@ -128,9 +130,14 @@ class Events:
             self.hold_engaged(acted)
             self.motion.consistent(0.0, np.zeros(len(self.motion.s.z)))
 
-    def switch_marked(self) -> int:
-        """Start and stop at once the items whose conditions are marked; return the piece of the motion that follows."""
+    def switch_marked(self, found: Sequence[Row] = ()) -> int:
+        """Start and stop at once the items whose conditions are marked; return the piece of the motion that follows.
+
+        States ``found`` until now belong to the piece that ends here, also those whose time is this one to round-off.
+        """
         motion, t = self.motion, self.motion.t
+        for row in takewhile(lambda row: row.side >= t, reversed(found)):
+            row.side = math.nextafter(t, -math.inf)
         marked = [c for k, c in enumerate(self.conditions) if motion.p.feedback.watched[k] == HOLDS]
         for waiting in marked:
             own = self._own.get(id(waiting.latch))

@@ -94,6 +94,11 @@ class Answers:
             # nothing has a value here
             return
         d, v, a = motion.full(row)
+        # accelerations that balance the forces have no value where rates are at a formula's limit, to round-off
+        own = np.zeros(len(motion.p.place))
+        signals_at(motion.p, row.side, motion.w.amps)
+        fill_full(motion.p, row.a, motion.w.amps, 2, own)
+        a = np.where(np.isfinite(a), a, own[:len(a)])
         turned, inner = model.turns.at(d, row.turned), motion.p.inner
         for x in (0.0, h):
             # coordinates whose extrapolation is not finite stay as they are

@@ -163,11 +163,11 @@ class OdeStepper(Stepper):
             if self.solver is None:
                 self.solver = self._begin(stop)
             event = not self._step(found) or self.events.mark_conditions()
-            following = self.events.switch_marked() if event else self.piece + 1
+            following = self.events.switch_marked(found) if event else self.piece + 1
             while not self.done and (event or self.t >= stop):
                 pass_break(self, following)
                 stop, event = self.pieces[self.piece].stop, self.events.mark_conditions()
-                following = self.events.switch_marked() if event else self.piece + 1
+                following = self.events.switch_marked(found) if event else self.piece + 1
             if found and time.perf_counter() - started > stepping.CHUNK_SECONDS:
                 break
         self.pending = np.array(self.log).reshape(-1, len(LOG))

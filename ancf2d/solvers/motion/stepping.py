@@ -254,7 +254,7 @@ class Stepper:
                 steps = CHUNK_SECONDS * logged / max(time.perf_counter() - began, 1e-6)
                 self.steps = int(min(max(steps, 1), 4 * self.steps, LOG_ROWS))
             if why == kernels.EVENT:
-                following = self.events.switch_marked()
+                following = self.events.switch_marked(found)
                 if not self.done:
                     pass_break(self, following)
             elif self.at_break(why):

@@ -25,6 +25,7 @@ from ..linear import full_mass
 from ..post import FORCES, asks_for_forces, velocity_of
 from ..section_forces import SectionForces, has_section_forces
 from ..state import State
+from ..statics.newton import balanced
 from .linearised import Linearised, Relaxing
 
 if TYPE_CHECKING:
@@ -325,7 +326,8 @@ def warnings_of(small: Linearised, damped: bool = True, inputs: Sequence[Input] 
            for what in _of_higher_order(small)] if damped else []
     out += [f"the input {one.name} exerts no force and moves nothing in this state, so nothing responds to it"
             for one in inputs if not one.f.any() and not one.p.any()]
-    if not base.loaded and np.any(small.pencil.balance.R):
+    pencil = small.pencil
+    if not base.loaded and not balanced(pencil.system, pencil.balance, pencil.d, base.state.t):
         layers = any(contact.law is not None for contact in model.case.contacts)
         acts = [*["springs are loaded"] * bool(model.case.springs), *["contact layers press"] * layers,
                 *["material flows"] * bool(model.loads.flows)]
@@ -339,9 +341,7 @@ def _of_higher_order(small: Linearised) -> Iterator[str]:
     loads = [(f"loads.{k}", item) for k, item in enumerate(model.case.loads)
              if getattr(item, "damped", False) and item.name not in model.inputs]
     drags = [patch for patch in model.loads.patches if getattr(patch, "damped", False)]
-    # elastic tendons and contacts follow the springs of the case
-    springs = zip([f"springs.{k}" for k in model.case.resting_springs], model.springs, strict=False)
-    parts: list[tuple[str, Any]] = [*((what, patch) for what, patch in springs if patch.damped),
+    parts: list[tuple[str, Any]] = [*((patch.path, patch) for patch in model.springs if patch.path and patch.damped),
                                     *((what, patch) for (what, _), patch in zip(loads, drags, strict=False))]
     for what, patch in parts:
         batch = Batch([patch])

@@ -70,11 +70,10 @@ def _reference(model: Model) -> Base:
 def _one_sided_warnings(model: Model) -> list[str]:
     """Return warnings about springs that act only on one side of the reference."""
     found = []
-    # elastic tendons follow the springs of the case
-    for (k, item), spring in zip(model.case.resting_springs.items(), model.springs, strict=False):
+    for spring in (one for one in model.springs if one.path and one.breaks):
         f, H, _ = spring.forces(np.zeros(len(spring.p0)), 0.0)
-        if item.breaks and H.any() and not f.any():
-            found.append(f"springs.{k} is one-sided at the reference; small motions are computed as if it acted in "
+        if H.any() and not f.any():
+            found.append(f"{spring.path} is one-sided at the reference; small motions are computed as if it acted in "
                          "both directions")
     return found
 

@@ -6,7 +6,7 @@ that it cannot represent.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -59,7 +59,7 @@ def points_of(model: Model) -> Sequence[tuple[int, float]]:
 
     They are forward differences if springs or tendons may have a kink there, else central ones.
     """
-    kinks = any(batch.signals for batch in model.interactions.springs) or any(one_sided(model))
+    kinks = any(batch.signals for batch in model.interactions.springs) or bool(one_sided(model))
     return FORWARD if kinks else CENTRAL
 
 
@@ -100,15 +100,15 @@ def check_not_engaging(pencil: Pencil, u: Array, h: float) -> None:
     The tangent contains its stiffness, but a buckling shape may move it either way. ``h`` is a step of the load factor.
     """
     model, d, step = pencil.model, pencil.d, NEAR * h
-    for what, spring in one_sided(model):
+    for spring in one_sided(model):
         moved = step * (spring.G @ u[spring.dofs[0]])
         at = spring.G @ d[spring.dofs[0]]
         f, H, _ = spring.forces(at.copy(), 0.0)
         wound = step * getattr(spring, "winding_strain", 0.0) * spring.rest
         due = EDGE * np.abs(H).max() * max(np.abs(moved).max(), wound)
         if H.any() and not f.any() and np.abs(spring.forces(at + moved, step)[0]).max() <= due:
-            raise ComputationError(f"{what} acts on one side alone, and the loads do not make it act: its stiffness "
-                                   "jumps where the model would buckle", at={"solver": "buckling"},
+            raise ComputationError(f"{spring.path} acts on one side alone, and the loads do not make it act: its "
+                                   "stiffness jumps where the model would buckle", at={"solver": "buckling"},
                                    advice="the model without it where it hangs loose; static with method: arc_length "
                                    "and a small imperfection where the model may buckle either way")
 
@@ -129,7 +129,7 @@ def switching_springs(pencil: Pencil, u: Array, factor: float) -> list[str]:
 
     ``u`` (n_full,) is the linear response.
     """
-    return [what for what, spring in one_sided(pencil.model)
+    return [spring.path for spring in one_sided(pencil.model)
             if _forces(spring, pencil.d, u, factor)[1].any() != _forces(spring, pencil.d, u, 0.0)[1].any()]
 
 
@@ -140,7 +140,7 @@ def neglected_work(pencil: Pencil, u: Array, factor: float, h: float) -> float:
     step in which none engages or releases.
     """
     work = 0.0
-    for _, spring in one_sided(pencil.model):
+    for spring in one_sided(pencil.model):
         (at, *_), (step, *_), (rest, *_) = (_forces(spring, pencil.d, u, x) for x in (factor, h, 0.0))
         more = at - rest - factor / h * (step - rest)
         work += abs(float(more @ (spring.G @ u[spring.dofs[0]])))
@@ -156,24 +156,15 @@ def _forces(spring: Any, d: Array, u: Array, factor: float) -> tuple[Array, Arra
 def check_taut(model: Model, d: Array) -> None:
     """Raise ComputationError if an elastic tendon would push, or starts to pull, in linear statics at d (n_full,)."""
     rest = np.zeros_like(d)
-    for what, tendon in _tendons(model):
+    for tendon in model.loads.springs:
         before, linear, other = (tendon.linear_tension(one, 1.0) for one in (rest, d, -d))
         pushes = linear < -SLACK * max(abs(linear), abs(other))
         if pushes or before == linear == 0.0 < tendon.tension(d, 1.0):
             does = "would push" if pushes else "hangs loose in the reference and then pulls"
-            raise ComputationError(f"{what} {does}, which linear statics cannot represent",
+            raise ComputationError(f"{tendon.path} {does}, which linear statics cannot represent",
                                    at={"solver": "linear_static"}, advice="solver static")
 
 
-def _tendons(model: Model) -> Iterator[tuple[str, Any]]:
-    """Yield elastic tendons with their names in the case."""
-    numbers = [k for k, item in enumerate(model.case.loads) if getattr(item, "stiffness", None) is not None]
-    yield from ((f"loads.{k}", tendon) for k, tendon in zip(numbers, model.loads.springs, strict=True))
-
-
-def one_sided(model: Model) -> Iterator[tuple[str, Any]]:
-    """Yield one-sided springs and elastic tendons with their names in the case."""
-    for (k, item), spring in zip(model.case.resting_springs.items(), model.springs, strict=False):
-        if item.breaks:
-            yield f"springs.{k}", spring
-    yield from _tendons(model)
+def one_sided(model: Model) -> list[Any]:
+    """Return the one-sided springs and elastic tendons of the case."""
+    return [spring for spring in model.springs if spring.path and spring.breaks]

@@ -41,6 +41,8 @@ from .step_control import Jumps, Path, Stride
 HOPELESS = 0.5
 # a singular tangent within this share of the load factor after an equilibrium indicates a critical load
 NEXT = 1e-3
+# share of a step whose loads predict the change over all of it, if tendons would be slack under those at its end
+NEARBY = 1e-3
 # places within this share of the way are the same
 ROUND = 1e-9
 # advice if no equilibrium over time is found
@@ -339,12 +341,17 @@ class March:
         return result
 
     def _foretold(self, state: Turned, here: Load, there: Load) -> Array:
-        """Return the change of the unknowns (n_unknowns,) for a change of load, by the tangent at an equilibrium."""
+        """Return the change of the unknowns (n_unknowns,) for a change of load, by the tangent at an equilibrium.
+
+        Tendons that are wound up may be slack under the other load, which says nothing of the path to it.
+        """
+        share = NEARBY if any(spring.winds for spring in self.model.loads.springs) else 1.0
+        there = here.towards(there, share)
         system, t, d = self.system, there.factor, state[0]
         self._set(there, state)
         R = (moved_balance(system, d, here.factor, t) if self.model.moves else system.assemble(d, t)).R
         system.factor({"factor": float(f"{t:.6g}")})
-        return -system.matrix.solve(R)
+        return -system.matrix.solve(R) / share
 
     def _bends_away(self, path: Path, result: NewtonResult, t_old: float) -> bool:
         """Return whether a stable path may bend away before an unstable state, which a shorter step would show."""
