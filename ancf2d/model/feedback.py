@@ -241,7 +241,7 @@ def quantity_of(model: Any, name: str) -> Quantity:
     probe, _, what = name.partition(".")
     place = model.case.output.probes[probe]
     point = model.point(place.at, place.y)
-    if place.y != 0.0 and point.mesh.plan.element.section_kind != "interpolated":
+    if point.offset:
         raise _off_axis(model, probe)
     if what in ("theta", "omega"):
         return _rotation(point, what == "theta")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -125,6 +125,17 @@ class PointRef:
         c, s = math.cos(angle), math.sin(angle)
         x, y = (float(w @ self.mesh.e0[i - self.mesh.first_dof]) for i, w in columns)
         return columns, angle + math.atan2(c * y - s * x, c * x + s * y)
+
+    @cached_property
+    def offset(self) -> float:
+        """The distance y from the axis of a point that moves with a rigid section; 0 for others and on the axis."""
+        carried = self.mesh.plan.element.section_kind != "interpolated"
+        return 0.5 * self.eta * self.mesh.plan.section.height if carried else 0.0
+
+    @property
+    def carrier(self) -> PointRef:
+        """The point that the coordinates move: the one on the axis if a rigid section carries this one."""
+        return replace(self, eta=0.0) if self.offset else self
 
     def before(self) -> PointRef | None:
         """Return the end of the element before if strains along the axis can jump here, else None."""

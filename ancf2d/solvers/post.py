@@ -71,9 +71,8 @@ class Observer:
             assert state.v is not None
             return rotation.dofs, _turning_rate(rotation, e, state.v), by_theta
         axis = 0 if quantity.endswith("x") else 1
-        carried = _carried(point)
-        coords, by = (_on_axis(point) if carried else point).position()[axis]
-        if not carried:
+        coords, by = point.carrier.position()[axis]
+        if not point.offset:
             none = np.zeros(len(coords))
             return (coords, none, by) if quantity.startswith("v") else (coords, by, none)
         theta = self.model.turns.theta(rotation, e, state.d[:self.model.n_q], turns_of(self.model, state))
@@ -94,7 +93,7 @@ def _turning_rate(rotation: Rotation, e: Array, v: Array) -> Array:
 def _carried_slopes(point: PointRef, rotation: Rotation, rate: bool, axis: int, theta: float, e: Array, state: State,
                     of_axis: tuple[Index, Array], by_theta: Array) -> tuple[Index, Array, Array]:
     """Return the result of ``Observer.slopes`` for a point off the axis of a rigid section, or its rate."""
-    y, angle = 0.5 * point.eta * point.mesh.plan.section.height, point.angle + theta
+    y, angle = point.offset, point.angle + theta
     coords = np.concatenate([of_axis[0], rotation.dofs])
     # derivative of the normal (-sin, cos) with respect to the angle, and the second one
     turned, again = ((-np.cos(angle), -np.sin(angle))[axis], (np.sin(angle), -np.cos(angle))[axis])
@@ -112,23 +111,12 @@ def turns_of(model: Model, state: State) -> Array:
     return model.turns.from_reference(state.d) if state.turned is None else state.turned
 
 
-def _carried(point: PointRef) -> bool:
-    """Return whether a point off the axis moves with a rigid section."""
-    return point.eta != 0.0 and point.mesh.plan.element.section_kind != "interpolated"
-
-
-def _on_axis(point: PointRef) -> PointRef:
-    return PointRef(point.mesh, point.s, point.ie, point.xi, point.angle, point.node)
-
-
 def position_of(point: PointRef, e0: Array, d: Array, theta: float, linear: bool) -> tuple[Array, Array]:
     """Return the reference position (2,) and displacement (2,) of a point, on or off the axis."""
-    carried = _carried(point)
-    columns = (_on_axis(point) if carried else point).position()
+    columns, y = point.carrier.position(), point.offset
     r0, u = np.array([dot(c, e0) for c in columns]), np.array([dot(c, d) for c in columns])
-    if carried:
+    if y:
         # rigid section: y times the change of its normal
-        y = 0.5 * point.eta * point.mesh.plan.section.height
         normal = np.array([-np.sin(point.angle), np.cos(point.angle)])
         r0 = r0 + y * normal
         turn = np.array([-normal[1], normal[0]])
@@ -138,11 +126,10 @@ def position_of(point: PointRef, e0: Array, d: Array, theta: float, linear: bool
 
 def velocity_of(point: PointRef, v: Array, theta: float, omega: float) -> Array:
     """Return the velocity (2,) of a point, on or off the axis."""
-    carried = _carried(point)
-    out = np.array([dot(c, v) for c in (_on_axis(point) if carried else point).position()])
-    if carried:
-        y, angle = 0.5 * point.eta * point.mesh.plan.section.height, point.angle + theta
-        out -= omega * y * np.array([np.cos(angle), np.sin(angle)])
+    out = np.array([dot(c, v) for c in point.carrier.position()])
+    if point.offset:
+        angle = point.angle + theta
+        out -= omega * point.offset * np.array([np.cos(angle), np.sin(angle)])
     return out
 
 

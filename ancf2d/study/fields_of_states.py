@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -70,8 +71,7 @@ class StatesWithFields(Results):
         labels = {"F": self.units.force, "L": self.units.length, "T": self.units.time}
         for record in field_records(self._model) if self._model is not None and self.nt else ():
             units = record.units.format(**labels)
-            found.setdefault(record.body, {})[record.name] = FieldRecord(
-                record.body, record.name, record.components, units, record.description, record.xi, record.eta)
+            found.setdefault(record.body, {})[record.name] = replace(record, units=units)
         for body, stored in self._stored_fields.items():
             found.setdefault(body, {}).update({name: record for name, (record, _) in stored.items()})
         return found

@@ -20,7 +20,6 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...kernels.elements import natural_slope
 from ...model.model import Model
-from ...model.points import PointRef
 from ...model.rotation import Rotation
 from ..active_set import PENETRATION, ROUNDS, initialise_active_set, not_found, update_active_set
 from ..contact import memory, restore_memory
@@ -163,13 +162,11 @@ class ProbeValue:
             np.add.at(full, self.rotation.dofs, self.rotation.gradient(e))
         else:
             k = "xy".index(self.quantity[-1])
-            carried = p.eta != 0.0 and p.mesh.plan.element.section_kind != "interpolated"
-            on_axis = PointRef(p.mesh, p.s, p.ie, p.xi, p.angle, p.node)
-            coords, weights = (on_axis if carried else p).position()[k]
+            coords, weights = p.carrier.position()[k]
             np.add.at(full, coords, weights)
-            if carried:
+            if p.offset:
                 angle = p.angle + self._theta(d)
-                arm = -0.5 * p.eta * p.mesh.plan.section.height * (np.cos(angle), np.sin(angle))[k]
+                arm = -p.offset * (np.cos(angle), np.sin(angle))[k]
                 np.add.at(full, self.rotation.dofs, arm * self.rotation.gradient(e))
         return self.model.numbering.reduce(full), float(full @ self.motion)
 
