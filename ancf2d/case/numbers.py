@@ -15,7 +15,7 @@ from .compose import compose
 from .emit import number_text, walk
 from .load import LoadedCase, load_case_text, with_overrides
 from .nodes import LINE_BREAK, ListNode, MapNode, Node, Origin, Scalar, line_breaks, quoted, resolve
-from .overrides import index_of
+from .overrides import below, index_of
 from .schema import Case
 
 # sections that results do not depend on, or only through the discretisation
@@ -113,15 +113,7 @@ def _found(root: Node | None, path: str) -> tuple[Node, Node | None] | None:
     """Return the node at a dotted path and its parent, or None if there is none."""
     node, parent = root, None
     for part in path.split("."):
-        parent = node
-        if isinstance(node, MapNode):
-            entry = node.entries.get(part.strip())
-            node = None if entry is None else entry.node
-        elif isinstance(node, ListNode):
-            k = index_of(node, part.strip())
-            node = None if k is None else node.items[k]
-        else:
-            return None
+        node, parent = below(node, part.strip()), node
     return None if node is None else (node, parent)
 
 

@@ -157,12 +157,17 @@ def place_of(root: Node, path: str) -> tuple[str, ...]:
     for part in map(str.strip, path.split(".")):
         k = index_of(node, part) if isinstance(node, ListNode) else None
         out.append(part if k is None else str(k))
-        if isinstance(node, ListNode):
-            node = None if k is None else node.items[k]
-        else:
-            entry = node.entries.get(part) if isinstance(node, MapNode) else None
-            node = None if entry is None else entry.node
+        node = below(node, part)
     return tuple(out)
+
+
+def below(node: Node | None, part: str) -> Node | None:
+    """Return the value or item that a part of a path selects in a node, or None."""
+    if isinstance(node, ListNode):
+        k = index_of(node, part)
+        return None if k is None else node.items[k]
+    entry = node.entries.get(part) if isinstance(node, MapNode) else None
+    return None if entry is None else entry.node
 
 
 def _names(parent: ListNode) -> dict[str, int]:
