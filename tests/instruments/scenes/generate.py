@@ -126,6 +126,9 @@ class Maker(Supported):
             if self.kind in ("static", "linear_static", "dynamic", "path") and self.chance(0.25):
                 load["amplitude"] = random_amplitude(self.rng, self.end, self.moves)
             self.case["loads"].append(load)
+        if self.kind == "path" and all("amplitude" in load for load in self.case["loads"]):
+            # paths scale what has none
+            del self.case["loads"][0]["amplitude"]
 
     def load(self, P: float) -> Data:
         """Return a load of about the size of a force P."""
