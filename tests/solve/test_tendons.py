@@ -202,9 +202,12 @@ def test_an_elastic_tendon_never_pushes() -> None:
     assert abs(held.u("a@1")[1]) < 0.01 * abs(alone.u("a@1")[1])
 
 
-@pytest.mark.parametrize("solver", ["linear_static", "static", {"type": "static", "method": "arc_length"},
-                                    {"type": "eigen", "modes": 1, "about": "static"}])
-@pytest.mark.parametrize("slack", [0.0, -1.0])
+# a rope that is let out is slack in the reference, which only Newton's method leaves: the load falls until it is tight
+@pytest.mark.parametrize(("solver", "slack"), [
+    *((solver, slack) for slack in (0.0, -1.0) for solver in (
+        "linear_static", "static", {"type": "static", "method": "arc_length"},
+        {"type": "eigen", "modes": 1, "about": "static"})),
+    ("static", 0.1), ({"type": "eigen", "modes": 1, "about": "static"}, 0.1)])
 def test_a_load_hangs_on_a_rope_that_a_winch_has_wound_up(solver: Any, slack: float) -> None:
     """T = m g and l = l0 (1 + T/EA), with l0 = 5 m + slack; the load vibrates with omega^2 = EA/(l0 m)."""
     mass, stiffness, l0 = 40.0, 1e5, 5.0 + slack

@@ -46,8 +46,8 @@ SAGS = (0.02, 0), (0.05, 1), (0.07, 1), (0.05, 0), (0.03, 1), (0.1, 1)
 
 FELL = ("no path of stable equilibria leads from the reference to the full load: the reported equilibrium is the one "
         "to which the model sinks from the end of the path")
-FALLS = ("supports leave a mechanism until bodies touch: the reported equilibrium is the one to which the model sinks "
-         "under its weight from the reference")
+FALLS = ("supports leave a mechanism until bodies touch or tendons tighten: the reported equilibrium is the one to "
+         "which the model sinks under its weight from the reference")
 
 
 def slack(model: Model) -> bool:

@@ -131,8 +131,9 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
         if (yield from _steps(march, end, factors, soft)):
             return
     except ComputationError as error:
-        # contacts may hold the model once it has fallen on them
-        if march.load.factor == 0.0 != end and model.contacts and can_hang(model.case):
+        # contacts may hold the model once it has fallen on them, and tendons once they are tight
+        catches = model.contacts or model.loads.springs
+        if march.load.factor == 0.0 != end and catches and can_hang(model.case):
             failed = error
         elif not (model.hangs or soft):
             raise
