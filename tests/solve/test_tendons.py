@@ -224,6 +224,19 @@ def test_a_load_hangs_on_a_rope_that_a_winch_has_wound_up(solver: Any, slack: fl
         assert omega == pytest.approx(np.sqrt(stiffness / l0 / mass), rel=1e-9)
 
 
+def test_a_boom_that_is_pushed_off_its_stay_stands_up() -> None:
+    """The stay is wound up before the load acts, which lifts the boom at once, up to where it stands."""
+    boom = {"geometry": {"type": "line", "start": [0, 0], "end": [4, 0]}, "section": {"height": 0.1, "width": 0.5},
+            "material": {"E": 1e10, "nu": 0.3, "rho": 500}, "element": {"type": "reissner3", "count": 4}}
+    stay = {"type": "tendon", "through": [[0, 3], "a@0.75"], "stiffness": 2e5, "slack": -0.01,
+            "amplitude": {"type": "constant"}}
+    found = helpers.solved({"a": boom}, "static", bc=[{"type": "pin", "at": "a@0"}],
+                           loads=[{"type": "gravity", "value": [0, -9.81]}, stay,
+                                  {"type": "force", "at": "a@1", "value": [0, 2000]}])
+    assert found.theta("a@1") == pytest.approx(np.pi / 2, abs=1e-9)
+    assert any("tendons tighten" in warning for warning in found.state.warnings)
+
+
 def test_a_tendon_that_is_slack_in_the_reference_is_named_where_it_would_have_to_hold_a_body() -> None:
     tendon = {"type": "tendon", "through": [[0, 1], "a@0"], "stiffness": 1e5, "slack": 0.1,
               "amplitude": {"type": "constant"}}

@@ -16,6 +16,8 @@ import numpy as np
 
 from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
+from ...model.build import can_hang
+from ...model.determinacy import free_motions
 from ...model.model import Model
 from ..active_set import ROUNDS, initialise_active_set, update_active_set
 from ..contact import check_crossed, memory, restore_memory
@@ -55,6 +57,14 @@ def slack(model: Model) -> bool:
     g = sum(np.hypot(*load.acceleration) for load in model.case.loads if load.acceleration is not None)
     sections = [(m.plan.section, m.plan.length) for m in model.meshes.values() if not m.plan.rigid]
     return any(g * section.rhoA * length**3 > SLACK * section.EI for section, length in sections)
+
+
+def tethered(model: Model) -> bool:
+    """Return whether elastic tendons hold a mechanism under gravity, which can go slack."""
+    if not model.loads.springs or model.contacts or not can_hang(model.case):
+        return False
+    others = [spring for spring in model.springs if spring not in model.loads.springs]
+    return bool(free_motions([*model.meshes.values()], model.rows, model.constraints, others, model.e0))
 
 
 def hanging(system: System, d: Array, factors: tuple[float, float], tolerance: float, max_iterations: int,
