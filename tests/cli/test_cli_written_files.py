@@ -24,13 +24,14 @@ WRITING = {
     "best": ("optimise", "beam.yaml", "--vary", "loads.tip.value.1=-6:-1", "--minimise", "goal^2", "-o"),
     "export": ("export", "beam.h5"), "schema": ("schema", "-o"), "reference": ("schema", "--markdown", "-o")}
 
-SUFFIXES = {"figure": ".png", "animation": ".gif", "export": ".csv", "reference": ".md"}
+SUFFIXES = {"figure": ".png", "animation": ".gif", "export": ".csv", "reference": ".md", "csv": ".csv", "data": ".csv",
+            "view": ".html", "best": ".yaml", "schema": ".json"}
 
 
 @pytest.mark.slow_rows("figure")
 @pytest.mark.parametrize("command", chosen(WRITING, ["run", "figure", "export"]))
 def test_what_ancf2d_did_not_make_is_replaced_by_force_only(solved: Call, folder: Path, command: str) -> None:
-    mine = folder / f"mine{SUFFIXES.get(command, '.yaml')}"
+    mine = folder / f"mine{SUFFIXES.get(command, '.h5')}"
     mine.write_text(BEAM)
     before = sorted(os.listdir(folder))
     result = solved(*WRITING[command], mine.name)
