@@ -144,7 +144,9 @@ def _spaced(a: float, b: float, n: int, log: bool, whole: bool) -> list[float | 
         return [round(a + (b - a) * k / (n - 1)) for k in range(n)]
     shares = [k / (n - 1) for k in range(n)]
     between = [math.exp((1 - s) * math.log(a) + s * math.log(b)) if log else (1 - s) * a + s * b for s in shares]
-    return [a, *(float(f"{v:.{DIGITS}g}") for v in between[1:-1]), b]
+    # between ends of both signs, 0 is met only but for round-off
+    least = 0.0 if log else 10.0**-DIGITS * max(abs(a), abs(b))
+    return [a, *(float(f"{v:.{DIGITS}g}") if abs(v) > least else 0.0 for v in between[1:-1]), b]
 
 
 def combinations(axes: Sequence[Axis], pair: bool = False) -> Iterator[tuple[Any, ...]]:

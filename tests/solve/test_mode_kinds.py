@@ -205,3 +205,27 @@ def test_shares_are_along_and_across_the_state_that_vibrates(name):
         return [mode["shares"] for mode in run_case(case).summary["frequencies"]]
     for still, turned in zip(modes(0.0), modes(0.5 * math.pi), strict=True):
         assert turned == pytest.approx(still, abs=1e-6)
+
+
+def test_a_rope_under_tension_vibrates_in_bending() -> None:
+    """A load hangs by a rope on an inclined arm with a stay. As a string, the rope has omega = n pi/L sqrt(N/rhoA).
+
+    The vertical motion of the load stretches the rope a little in all modes, which would outweigh its bending.
+    """
+    length, mass, weight = 1.5, 50.0, 0.4
+    bodies = {"arm": {**h.body(h.line(1.0), h.element("reissner3", 6), {"height": 0.12, "width": 0.08},
+                               {"E": 7e10, "nu": 0.33, "rho": 2700}),
+                      "geometry": {"type": "line", "start": [0, 0], "end": [3, 2]}},
+              "rope": {"geometry": {"type": "line", "start": [3, 2], "end": [3, 2 - length]},
+                       "section": {"EA": 2e5, "EI": 0.5, "rhoA": weight}, "element": {"type": "cable", "count": 8}}}
+    modes = h.solved(bodies, {"type": "eigen", "modes": 6, "about": "static"}, bc=[{"type": "pin", "at": "arm@0"}],
+                     joints=[{"type": "pin", "between": ["arm@1", "rope@0"]}],
+                     masses=[{"at": "rope@1", "mass": mass}], loads=[{"type": "gravity", "value": [0, -9.81]}],
+                     springs=[{"type": "translational", "between": [[0, 3], "arm@0.8"], "stiffness": 2e5}]
+                     ).state.report["frequencies"]
+    for n in (1, 2):
+        string = n * math.pi / length * math.sqrt((mass + weight * length / 2) * 9.81 / weight)
+        near = min(modes, key=lambda mode: abs(mode["omega"] - string))
+        assert near["omega"] == pytest.approx(string, rel=0.03)
+        assert near["shares"]["transverse"] > 0.99
+        assert near["kind"] == "bending"

@@ -45,6 +45,7 @@ def swept(*over: str, force: bool = False, **options: Any) -> Sweep:
 
 @pytest.mark.parametrize(("text", "values"), [
     ("a=0.1:0.5:5", [0.1, 0.2, 0.3, 0.4, 0.5]), ("a=4:16:4", [4, 8, 12, 16]), ("a=3:1:3", [3, 2, 1]),
+    ("a=-0.1:0.05:4", [-0.1, -0.05, 0.0, 0.05]), ("a=log:1e-20:1:5", [1e-20, 1e-15, 1e-10, 1e-5, 1.0]),
     ("a=log:0.01:100:5", [0.01, 0.1, 1.0, 10.0, 100.0]), ("a=7,1:2:2", [7, 1, 2]), ("a='1:2:3'", ["1:2:3"])])
 def test_ranges(text: str, values: list[Any]) -> None:
     axis, = read_axes([text])

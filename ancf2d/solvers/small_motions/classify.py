@@ -25,6 +25,8 @@ MIXED = 0.6
 GAPS = 0.1
 # functions per wave length below which the mesh cannot represent a wave (2 is the most rapid change of sign)
 RESOLVED = 3.0
+# strain of the axis that is round-off
+TAUT = 1e-12
 # share of a body's kinetic energy that its rigid motions may leave out; share of the total that is round-off
 RIGID, STILL = 1e-6, 1e-12
 
@@ -73,10 +75,12 @@ def _reference(mesh: BodyMesh, n_q: int) -> Array:
     return out
 
 
-def axis_energies(mesh: BodyMesh, e: Array, v: Array) -> Array:
+def axis_energies(mesh: BodyMesh, e: Array, v: Array, natural: bool) -> Array:
     """Return twice the strain energy (3,) of a small displacement v (n_q,) about coordinates e (n_q,).
 
-    Stretch, bending and shear of a beam with this axis and these sections, sampled at two stations of each element.
+    Stretch, bending and shear of a beam with this axis and these sections, sampled at two stations of each element. The
+    work against the tension of a stretched axis, which turns, counts as bending: taut strings have little else. With
+    ``natural`` strains, the stretch does not show the tension.
     """
     element, section = mesh.plan.element, mesh.sections(STATIONS)
     nc, zero = element.components, np.zeros(len(STATIONS))
@@ -99,7 +103,10 @@ def axis_energies(mesh: BodyMesh, e: Array, v: Array) -> Array:
     bent = (theta[:, 1] - theta[:, 0]) / ((STATIONS[1] - STATIONS[0]) * mesh.lengths)
     weights = 0.5 * mesh.lengths[:, None]
     terms = (section.EA, stretch), (section.EI, bent[:, None]), (section.kGA, turn - theta)
-    return np.array([float((weights * k * strain**2).sum()) for k, strain in terms])
+    out = np.array([float((weights * k * strain**2).sum()) for k, strain in terms])
+    if not natural:
+        out[1] += float((weights * section.EA * np.maximum(length - 1.0 - TAUT, 0.0) * turn**2).sum())
+    return out
 
 
 class Classifier:
@@ -159,8 +166,10 @@ class Classifier:
 
     def _strain(self, v: Array) -> dict[str, float]:
         """Return the shares of the strain energy of a displacement v (n_q,) in stretch, bending and shear."""
-        every = np.array([axis_energies(mesh, self.model.e0 + self.d[:self.model.n_q], v)
-                          for mesh in self.model.meshes.values() if not mesh.plan.rigid]).reshape(-1, 3).sum(axis=0)
+        natural = {strain.mesh.plan.name for strain in self.model.loads.natural}
+        every = np.array([axis_energies(mesh, self.model.e0 + self.d[:self.model.n_q], v, name in natural)
+                          for name, mesh in self.model.meshes.items() if not mesh.plan.rigid]
+                         ).reshape(-1, 3).sum(axis=0)
         total = float(every.sum())
         if not total > 0.0:
             return {}

@@ -16,6 +16,8 @@ import numpy as np
 
 from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
+from ...model.build import can_hang
+from ...model.determinacy import free_motions
 from ...model.model import Model
 from ..active_set import ROUNDS, initialise_active_set, update_active_set
 from ..contact import check_crossed, memory, restore_memory
@@ -46,8 +48,8 @@ SAGS = (0.02, 0), (0.05, 1), (0.07, 1), (0.05, 0), (0.03, 1), (0.1, 1)
 
 FELL = ("no path of stable equilibria leads from the reference to the full load: the reported equilibrium is the one "
         "to which the model sinks from the end of the path")
-FALLS = ("supports leave a mechanism until bodies touch: the reported equilibrium is the one to which the model sinks "
-         "under its weight from the reference")
+FALLS = ("supports leave a mechanism until bodies touch or tendons tighten: the reported equilibrium is the one to "
+         "which the model sinks under its weight from the reference")
 
 
 def slack(model: Model) -> bool:
@@ -55,6 +57,14 @@ def slack(model: Model) -> bool:
     g = sum(np.hypot(*load.acceleration) for load in model.case.loads if load.acceleration is not None)
     sections = [(m.plan.section, m.plan.length) for m in model.meshes.values() if not m.plan.rigid]
     return any(g * section.rhoA * length**3 > SLACK * section.EI for section, length in sections)
+
+
+def tethered(model: Model) -> bool:
+    """Return whether elastic tendons hold a mechanism under gravity, which can go slack."""
+    if not model.loads.springs or model.contacts or not can_hang(model.case):
+        return False
+    others = [spring for spring in model.springs if spring not in model.loads.springs]
+    return bool(free_motions([*model.meshes.values()], model.rows, model.constraints, others, model.e0))
 
 
 def hanging(system: System, d: Array, factors: tuple[float, float], tolerance: float, max_iterations: int,

@@ -19,7 +19,7 @@ from ..refine import refined
 from ..state import State
 from ..system import System, Turned
 from ..threads import largest
-from .hanging import FALLS, FELL, hanging, slack
+from .hanging import FALLS, FELL, hanging, slack, tethered
 from .load_rates import check_taut
 from .newton import (
     MAX_ITERATIONS,
@@ -120,7 +120,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
         yield state_of(system, near, end, 1, 0, [])
         return
     march = March(system, 1.0 / (steps or LOAD_STEPS), tolerance, max_iterations)
-    soft = end != 0.0 and slack(model)
+    soft, begin = end != 0.0 and slack(model), (march.d.copy(), march.turns, march.load)
     failed: ComputationError | None = None
     try:
         if model.hangs:
@@ -128,8 +128,10 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
         if (yield from _steps(march, end, factors, soft)):
             return
     except ComputationError as error:
-        # contacts may hold the model once it has fallen on them
-        if march.load.factor == 0.0 != end and model.contacts and can_hang(model.case):
+        # contacts may hold the model once it has fallen on them, and tendons once they are tight
+        if end != 0.0 and tethered(model):
+            (march.d, march.turns, march.load), failed = begin, error
+        elif march.load.factor == 0.0 != end and model.contacts and can_hang(model.case):
             failed = error
         elif not (model.hangs or soft):
             raise
