@@ -94,11 +94,12 @@ def _rank(mesh: BodyMesh) -> tuple[Any, ...]:
 
 
 def body_pairs(item: Contact, name: str, one: BodyMesh, two: BodyMesh, extent: float, rapid: float,
-               follows: Mapping[int, Any], joined: Sequence[tuple[float, float]] = ()) -> list[BodyPair]:
+               follows: Mapping[int, Any], joined: Sequence[tuple[float, float]], between: int) -> list[BodyPair]:
     """Return a pair with the points of each of two bodies that may touch the other (the same body: touching itself).
 
     With a law, each body bears half the pressure. In hard contact, one body has points everywhere, and the other only
-    at its corners. ``joined`` are the places along each [m] that joints connect.
+    at its corners. ``joined`` are the places along each [m] that joints connect, ``between`` is the number of movable
+    points of each interval.
     """
     soft, itself, places = item.law is not None, one is two, [*joined]
     if itself:
@@ -111,7 +112,7 @@ def body_pairs(item: Contact, name: str, one: BodyMesh, two: BodyMesh, extent: f
         excluded = [(at[k], near) for at, near in zip(places, reach, strict=True)]
         # a point that may move along an interval counts with all of it
         half = 0.5 * mesh.lengths / pieces_along(mesh)
-        chosen = [p for p in _spots(item, mesh, whole)
+        chosen = [p for p in _spots(item, mesh, whole, between)
                   if all(abs(place_along(mesh, p) - s) >= near + (half[p.ie] if p.free else 0.0)
                          for s, near in excluded)]
         if chosen:
@@ -119,10 +120,10 @@ def body_pairs(item: Contact, name: str, one: BodyMesh, two: BodyMesh, extent: f
     return out
 
 
-def _spots(item: Contact, mesh: BodyMesh, whole: bool) -> list[Spot]:
+def _spots(item: Contact, mesh: BodyMesh, whole: bool, between: int) -> list[Spot]:
     """Return the spots of a body that may touch another one: on all of it, or only at its ends."""
     if whole:
-        return spots(mesh, item.side, item.law is not None, False)
+        return spots(mesh, item.side, item.law is not None, False, between)
     return _corners(mesh) if item.side == "surface" else [
         p for p in spots(mesh, "axis", False, False) if _is_end(mesh, p)]
 

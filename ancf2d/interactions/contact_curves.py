@@ -67,12 +67,12 @@ def levels_of(mesh: BodyMesh, side: str) -> list[float]:
     return [-below, 2.0 - below]
 
 
-def spots(mesh: BodyMesh, side: str, compliant: bool, places_move: bool) -> list[Spot]:
+def spots(mesh: BodyMesh, side: str, compliant: bool, places_move: bool, between: int = 1) -> list[Spot]:
     """Return the spots of a body that may touch.
 
     A compliant contact is integrated over Gauss points of the faces and ends. A hard contact has spots at the ends of
-    elements and, in motion, at inner positions (``pieces_along``), and a free one in each interval; in statics
-    (``places_move``) an element is one interval.
+    elements and, in motion, at inner positions (``pieces_along``), and free ones in each interval, ``between`` in
+    number; in statics (``places_move``) an element is one interval.
     """
     out, count = [], len(mesh.dofs)
     if compliant:
@@ -93,7 +93,7 @@ def spots(mesh: BodyMesh, side: str, compliant: bool, places_move: bool) -> list
                 # at a corner, the adjacent pieces share the point of the axis
                 if i > 0 or ie == 0 or side == "surface" or mesh.shares_start[ie]:
                     out.append(Spot(ie, z, eta, float(mesh.lengths[ie]) / parts))
-                out.append(Spot(ie, z + 1.0 / parts, eta, float(mesh.lengths[ie]) / parts, free=True))
+                out += between * [Spot(ie, z + 1.0 / parts, eta, float(mesh.lengths[ie]) / parts, free=True)]
         if not mesh.plan.closed:
             out.append(Spot(count - 1, 1.0, eta, float(mesh.lengths[-1]) / parts))
     return out

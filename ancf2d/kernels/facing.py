@@ -54,6 +54,8 @@ from ..elements.contact_geometry import (
     PLACEMENT,
     STATUS,
     TOUCH,
+    UNUSED,
+    UNUSED_ON_ELEMENT,
     WORK,
 )
 from .chords import distance_from_box, fill_curves, nearest_on_chord
@@ -251,12 +253,15 @@ def face(table, points, d, within):  # type: ignore[no-untyped-def]
     waiting = numbers(table.item, _DEEP)
     for k in range(len(table.item)):
         i = table.item[k]
+        beside = points.par[i, OPPOSITE + BOTH_SIDES] > 0.0
+        if UNUSED_ON_ELEMENT <= points.mem[i, PLACEMENT] <= UNUSED and not beside:
+            # only points of an axis have to know their side before they are in use
+            continue
         fields_of_first(points, i, table.own[k, 1], d, u)
         z = points.mem[i, PLACE] if points.mem[i, PLACEMENT] > 0.0 else points.par[i, HOME]
         reach = max(within, points.par[i, OPPOSITE + DEEPEST])
         if within <= IN_RANGE:
-            beside = within == IN_RANGE_OR_BESIDE and points.par[i, OPPOSITE + BOTH_SIDES] > 0.0
-            reach = np.inf if beside else _force_range(points, i, d)
+            reach = np.inf if beside and within == IN_RANGE_OR_BESIDE else _force_range(points, i, d)
         _find_curve(table, points, k, u, z, reach, best, room, none, waiting)
 
 

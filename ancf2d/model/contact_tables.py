@@ -108,6 +108,12 @@ class ContactTable:
         return np.array([p.free for p in self.pair.spots])
 
     @cached_property
+    def first_free(self) -> Any:
+        """Which points are the first movable ones of their intervals (m,)."""
+        first = {p: k for k, p in reversed([*enumerate(self.pair.spots)])}
+        return self.free & np.array([first[p] == k for k, p in enumerate(self.pair.spots)])
+
+    @cached_property
     def ends(self) -> Any:
         """The fixed points at both ends of the interval of each movable point (m, 2), -1 where there is none."""
         mesh, half = self.pair.mesh, self.pair.par[:, HALF_INTERVAL]
@@ -205,13 +211,15 @@ class ContactTable:
         return mem[ANCHOR]
 
     def deepest(self, d: Array, t: float) -> tuple[Array, Array, Array]:
-        """Return the largest penetration (m,) in each movable point's interval, its z, and the part of the obstacle."""
+        """Return the largest penetration (m,) between fixed points, its z, and the part of the obstacle, for the first
+        movable point of each interval; 0 for all others.
+        """
         from ..kernels.contact import deepest
 
         table, amps = self.updated(d, t)
         n = len(table.forces)
         depth, place, feature = np.zeros(n), np.zeros(n), np.zeros(n)
-        deepest(table, self.free, d, amps, depth, place, feature)
+        deepest(table, self.first_free, d, amps, depth, place, feature)
         return depth, place, feature
 
     def gradients(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None
@@ -371,7 +379,7 @@ class BodyTable(ContactTable):
 
         table, n = self.updated(d, t)[0], len(self.table.forces)
         depth, place = np.zeros(n), np.zeros(n)
-        body_deepest(self.facing, table, self.free, d, depth, place)
+        body_deepest(self.facing, table, self.first_free, d, depth, place)
         return depth, place, np.zeros(n)
 
     def s_on_first_body(self) -> Array:

@@ -28,6 +28,9 @@ OVERLAP = 1e-9
 SLIGHT = 1e-5
 # the same with a law, relative to the length of a body: such an overlap may be intended
 DEEP = 0.01
+# number of movable points between fixed ones in statics: that many coordinates of two bodies are across this interval,
+# so forces at more places depend on each other
+BETWEEN = 2
 # lengths of a held body beyond which it cannot reach an obstacle
 REACH = 2.5
 # slip of a sticking rigid body under all forces of the scene, relative to its extent; number of load factors sampled
@@ -82,7 +85,8 @@ class Contacts:
         body, other = (item.self_, item.self_) if item.between is None else item.between
         name = item.name or f"{body}-{other}"
         # contact points move along elements only in statics without a law
-        places_move = not isinstance(self.case.solver, Dynamic) and item.law is None
+        moving = isinstance(self.case.solver, Dynamic)
+        places_move = not moving and item.law is None
         if body in self.case.obstacles:
             body, other = other, body
         if other in self.case.obstacles:
@@ -101,7 +105,7 @@ class Contacts:
             self._check_overlap(i, pair)
             return [pair]
         pairs = body_pairs(item, name, self.meshes[body], self.meshes[other], self.extent, rapid_rate(self.case),
-                           self.follows if isinstance(self.case.solver, Dynamic) else {}, self._joined(body, other))
+                           self.follows if moving else {}, self._joined(body, other), 0 if moving else BETWEEN)
         if pairs:
             self._check_overlap_of_bodies(i, pairs)
         else:

@@ -107,8 +107,19 @@ class Response:
     def complementary_changes(self, limit: float) -> dict[int, float] | None:
         """Return, by number, openings of closed points and forces on open ones that make the state complementary.
 
+        Points that others hold already close only if they stay deeper than ``limit``: some of the others then open.
+        None if there is no such state nearby.
+        """
+        found, deep = self._changes(limit, HELD_ALREADY)
+        exchanged = self._changes(limit, -HELD_ALREADY)[0] if deep else None
+        return found if exchanged is None else exchanged
+
+    def _changes(self, limit: float, least: float) -> tuple[dict[int, float] | None, bool]:
+        """Return the changes without open points whose compliance relative to the element's is less than ``least``, and
+        whether one of these stays deeper than ``limit``.
+
         Start from the points that pull or penetrate by more than ``limit``, and add those that violate the conditions
-        then. None if there is no such state nearby.
+        then.
         """
         size = np.where(self.closed, PULL * np.abs(self.force).max(initial=0.0), limit)
         working: list[int] = []
@@ -118,7 +129,7 @@ class Response:
         while new := [k for k in np.flatnonzero(w < -size).tolist() if k not in working + already_held]:
             for k in new:
                 response = self.unit_response(k)
-                if not self.closed[k] and response[k] * self.stiffness[k] < HELD_ALREADY:
+                if not self.closed[k] and response[k] * self.stiffness[k] < least:
                     already_held.append(k)
                     continue
                 responses = np.column_stack([responses, response])
@@ -126,13 +137,14 @@ class Response:
             if working:
                 solved = self._solve(responses[working], np.array(working))
                 if solved is None:
-                    return None
+                    return None, False
                 z = solved
                 w = self.b + responses @ z
         found = {k: float(a) for k, a in zip(working, z, strict=True) if a > 0.0}
         # a force on an open point that pulls it into the obstacle: no other point holds it
         pulled_in = any(self.changes(self.steps[k])[k] * self.stiffness[k] < -HELD_ALREADY for k in already_held)
-        return None if pulled_in and not found else found
+        deep = bool((w[already_held] < -limit).any())
+        return (None, False) if pulled_in and not found else (found, deep)
 
     def _solve(self, M: Array, working: Any) -> Array | None:
         # stiffnesses and compliances, each relative to the largest of its kind
