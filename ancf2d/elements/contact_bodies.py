@@ -17,18 +17,19 @@ from .contact_gaps import (
     BOTH_SIDES,
     END,
     FOOT_KIND,
-    JOINED,
     LOOP,
     SIDE,
     SURFACE,
     WITHIN,
     curve_at,
     distance_along,
+    foot_and_angle,
     gap_between,
     gap_derivatives,
     is_past_end,
     place_on,
     place_opposite,
+    shares_at,
     surface_of,
     tangent_row,
 )
@@ -63,30 +64,45 @@ def slip_from_anchor(other, mem, place, unit):  # type: ignore[no-untyped-def]
     return unit * distance_along(other[LOOP], place, mem[ANCHOR]) if mem[SURFACE] == surface_of(other) else 0.0
 
 
+def foot_derivatives(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, bent):  # type: ignore[no-untyped-def]
+    """Set rows 4 and 5 to t.dc'/dq and dz/dq, and ``bent``, zero on entry, to d2z/dq2 but for terms proportional to the
+    depth; return |t| and t.c''.
+
+    Rows 0, 2 and 3 are N, B and A. With F = R.t, d2z/dq2 = (F_qq + F_qz z_q + z_q F_qz + F_zz z_q z_q)/D.
+    """
+    other, m, n = par[OPPOSITE:], field_count(par), field_count(par) + field_count(par[OPPOSITE:])
+    tx, ty, kx, ky = curve_at(other, p0[m:], u[m:], z, work, across)
+    T, b, k = tx * tx + ty * ty, nx * kx + ny * ky, tx * kx + ty * ky
+    D = T - g * b
+    add_second_derivative(par, mem[PLACE] if mem[PLACEMENT] > 0.0 else par[HOME], tx, ty, own, bent, 0)
+    add_second_derivative(other, z if other[END] == 0.0 else other[END], -tx, -ty, work, bent, m)
+    for q in range(n):
+        rows[4, q], rows[5, q] = 0.0, (rows[3, q] + g * rows[2, q]) / D
+    tangent_row(other, z, tx, ty, work, across, rows[4][m:])
+    for p in range(n):
+        N, B, A, t, zp = rows[0, p], rows[2, p], rows[3, p], rows[4, p], rows[5, p]
+        cross = b * N + k / T * A - 2.0 * t
+        for q in range(n):
+            zq = rows[5, q]
+            bent[p, q] += N * rows[2, q] + B * rows[0, q] + (A * rows[4, q] + t * rows[3, q]) / T
+            bent[p, q] += cross * zq + zp * (b * rows[0, q] + k / T * rows[3, q] - 2.0 * rows[4, q] - 3.0 * k * zq)
+            bent[p, q] /= D
+    return np.sqrt(T), k
+
+
 def add_friction_between(par, p0, u, w, mem, g, z, nx, ny, pressed, damped, own, work, across, rows, f, H,
                          C):  # type: ignore[no-untyped-def]
     """Add friction to f, H and C; return its power, and the derivative of its force by the normal force.
 
     Rows 0 to 3 are N, the derivative of the normal force with the sign reversed, B and A; rows 4 and 5 are filled, row
-    5 with dz/dq. The normal force changes by ``damped`` N with rates. With F = R.t,
-    d2z/dq2 = (F_qq + F_qz z_q + z_q F_qz + F_zz z_q z_q)/D; H omits the terms of F that are proportional to the depth.
+    5 with dz/dq. The normal force changes by ``damped`` N with rates. H omits the terms of ``foot_derivatives``.
     """
-    other, m, n = par[OPPOSITE:], field_count(par), field_count(par) + field_count(par[OPPOSITE:])
-    at, turn = z if other[END] == 0.0 else other[END], work_matrix(n, n)
-    tx, ty, kx, ky = curve_at(other, p0[m:], u[m:], z, work, across)
-    T, b, k = tx * tx + ty * ty, nx * kx + ny * ky, tx * kx + ty * ky
-    L, D, rate = np.sqrt(T), T - g * b, 0.0
+    other, m, n, rate = par[OPPOSITE:], field_count(par), field_count(par) + field_count(par[OPPOSITE:]), 0.0
+    bent = work_matrix(n, n)
+    L, k = foot_derivatives(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, bent)
+    tx, ty, _, _ = curve_at(other, p0[m:], u[m:], z, work, across)
     way = slip_from_anchor(other, mem, *place_on(other, z, tx, ty))
     held, slides = friction_force(par, mem, way, pressed)
-    add_second_derivative(par, mem[PLACE] if mem[PLACEMENT] > 0.0 else par[HOME], tx, ty, own, turn, 0)
-    add_second_derivative(other, at, -tx, -ty, work, turn, m)
-    for q in range(n):
-        rows[4, q] = 0.0
-    tangent_row(other, z, tx, ty, work, across, rows[4][m:])
-    for q in range(n):
-        # dz/dq
-        rows[5, q] = (rows[3, q] + g * rows[2, q]) / D
-        rate += L * rows[5, q] * w[q]
     share, stick = 0.0, 0.0
     if not slides:
         stick = par[STICK] * L
@@ -96,16 +112,13 @@ def add_friction_between(par, p0, u, w, mem, g, z, nx, ny, pressed, damped, own,
     else:
         share = par[FRICTION] if held > 0.0 else -par[FRICTION]
     for p in range(n):
-        N, B, A, t, zp = rows[0, p], rows[2, p], rows[3, p], rows[4, p], rows[5, p]
+        zp = rows[5, p]
+        rate += L * zp * w[p]
         f[p] -= held * L * zp
-        cross = b * N + k / T * A - 2.0 * t
         for q in range(n):
-            zq = rows[5, q]
-            bent = turn[p, q] + N * rows[2, q] + B * rows[0, q] + (A * rows[4, q] + t * rows[3, q]) / T
-            bent += cross * zq + zp * (b * rows[0, q] + k / T * rows[3, q] - 2.0 * rows[4, q]) - 3.0 * k * zp * zq
-            longer = (rows[4, q] + k * zq) / L
-            H[p, q] -= held * (L * bent / D + zp * longer)
-            H[p, q] += stick * zp * (L * zq + way / L * longer) + share * L * zp * rows[1, q]
+            longer = (rows[4, q] + k * rows[5, q]) / L
+            H[p, q] -= held * (L * bent[p, q] + zp * longer)
+            H[p, q] += stick * zp * (L * rows[5, q] + way / L * longer) + share * L * zp * rows[1, q]
             C[p, q] += share * L * zp * damped * rows[0, q]
     return -held * rate, share * L
 
@@ -113,23 +126,26 @@ def add_friction_between(par, p0, u, w, mem, g, z, nx, ny, pressed, damped, own,
 def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     """Pressure max(0, -k g - c dg/dt) per length at a point of a body, and the opposite force on the other body.
 
-    Friction is elastic up to Coulomb's limit; at a kink there is none, because the foot point does not move there.
+    A point has shares of it and of its energy (``shares_at``), so that this energy is a continuous function of the
+    position. Friction is elastic up to Coulomb's limit; at a kink there is none, because the foot point does not move
+    there.
     """
-    own, work, across, rows = work_vector(WORK), work_vector(WORK), work_vector(WORK), work_matrix(6, len(u))
-    n, weight, stiffness, damping = len(u), par[WEIGHT], par[STIFFNESS], par[DAMPING]
+    own, work, across, rows = work_vector(WORK), work_vector(WORK), work_vector(WORK), work_matrix(7, len(u))
+    n, stiffness, damping = len(u), par[STIFFNESS], par[DAMPING]
     g, nx, ny, z = gap_between(par, p0, u, mem, own, work, across)
     if not g < 0.0:
+        return 0.0, 0.0
+    shares = shares_at(par, mem, nx, ny, z, own)
+    weight, whole = par[WEIGHT] * shares[0] * shares[3], 0.5 * par[WEIGHT] * stiffness * g * g
+    if weight == 0.0:
         return 0.0, 0.0
     gap_derivatives(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H)
     rate = 0.0
     for q in range(n):
         rate += rows[0, q] * w[q]
-    pressure, energy = -stiffness * g - damping * rate, 0.5 * weight * stiffness * g * g
+    pressure, power = -stiffness * g - damping * rate, weight * damping * rate * rate
     if pressure <= 0.0:
-        for p in range(n):
-            for q in range(n):
-                H[p, q] = 0.0
-        return energy, weight * stiffness * g * -rate
+        pressure, stiffness, damping, power = 0.0, 0.0, 0.0, weight * stiffness * g * -rate
     for p in range(n):
         slope = 0.0
         rows[3, p] = rows[1, p]
@@ -138,16 +154,45 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         # derivative of the pressure, with the sign reversed
         rows[1, p] = weight * (stiffness * rows[0, p] + damping * slope)
     for p in range(n):
-        N = rows[0, p]
-        f[p] = -weight * pressure * N
+        f[p] = -weight * pressure * rows[0, p]
         for q in range(n):
-            H[p, q] = -weight * pressure * H[p, q] + N * rows[1, q]
-            C[p, q] = weight * damping * N * rows[0, q]
-    power = weight * damping * rate * rate
-    if par[FRICTION] > 0.0 and mem[FOOT_KIND] == WITHIN:
+            H[p, q] *= -weight * pressure
+            C[p, q] = weight * damping * rows[0, p] * rows[0, q]
+    add_change_of_shares(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, pressure, whole, shares, f, H)
+    for p in range(n):
+        for q in range(n):
+            H[p, q] += rows[0, p] * rows[1, q]
+    if par[FRICTION] > 0.0 and mem[FOOT_KIND] == WITHIN and pressure > 0.0:
         power += add_friction_between(par, p0, u, w, mem, g, z, nx, ny, weight * pressure, weight * damping, own, work,
                                       across, rows, f, H, C)[0]
-    return energy, power
+    return shares[0] * shares[3] * whole, power
+
+
+def add_change_of_shares(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, pressure, whole, shares, f,
+                         H):  # type: ignore[no-untyped-def]
+    """Add to f and H what the change of the shares of an energy ``whole`` adds to them, and to row 1 that of the
+    pressure, with its sign reversed.
+
+    H omits terms proportional to the depth cubed (``foot_derivatives``), and the second derivatives of the angle.
+    """
+    foot_and_angle(par, p0, u, mem, g, nx, ny, z, own, work, across, rows)
+    part, by_z, by_zz, turned, by_angle, twice = shares
+    n, by_gap = len(f), par[WEIGHT] * par[STIFFNESS] * g
+    for p in range(n):
+        zp, ap = rows[5, p], rows[6, p]
+        change = turned * by_z * zp + part * by_angle * ap
+        f[p] += whole * change
+        rows[1, p] -= par[WEIGHT] * pressure * change
+        z_too, angle_too = turned * by_zz * zp + by_z * by_angle * ap, by_z * by_angle * zp + part * twice * ap
+        for q in range(n):
+            H[p, q] += by_gap * change * rows[0, q] + whole * (z_too * rows[5, q] + angle_too * rows[6, q])
+    if by_z == 0.0:
+        return
+    bent = work_matrix(n, n)
+    foot_derivatives(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, bent)
+    for p in range(n):
+        for q in range(n):
+            H[p, q] += whole * turned * by_z * bent[p, q]
 
 
 def add_normal_force(p0, u, par, mem, f, H, own, work, across, rows):  # type: ignore[no-untyped-def]
@@ -160,7 +205,7 @@ def add_normal_force(p0, u, par, mem, f, H, own, work, across, rows):  # type: i
     f[m], H[m, m] = force / c, -1.0 / c
     if mem[PLACEMENT] < 0.0 or mem[STATUS] == OPEN:
         return np.nan, 0.0, 0.0, 0.0
-    if mem[STATUS] == CLOSED and is_past_end(par[OPPOSITE + JOINED], mem[FOOT_KIND]):
+    if mem[STATUS] == CLOSED and is_past_end(par[OPPOSITE:], mem[FOOT_KIND]):
         mem[FOOT_KIND] = WITHIN
     g, nx, ny, z = gap_between(par, p0, u, mem, own, work, across)
     if np.isnan(g) or opens_by_force(par, mem, force, g):
@@ -218,12 +263,13 @@ def update_anchor(p0, u, par, mem, pressed):  # type: ignore[no-untyped-def]
     of the layer is used."""
     own, work, across = work_vector(WORK), work_vector(WORK), work_vector(WORK)
     behind, mem[AFTER_IMPACT] = mem[AFTER_IMPACT], NO_IMPACT
-    g, _, _, z = gap_between(par, p0, u, mem, own, work, across)
+    g, nx, ny, z = gap_between(par, p0, u, mem, own, work, across)
     if np.isnan(g) or mem[FOOT_KIND] != WITHIN:
         return g
     place, unit, surface = place_opposite(par, p0, u, mem, z, work, across)
     if pressed < 0.0:
-        pressed = par[WEIGHT] * par[STIFFNESS] * max(-g, 0.0)
+        shares = shares_at(par, mem, nx, ny, z, own)
+        pressed = shares[0] * shares[3] * par[WEIGHT] * par[STIFFNESS] * max(-g, 0.0)
     held, slides = friction_force(par, mem, slip_from_anchor(par[OPPOSITE:], mem, place, unit), pressed)
     if behind != NO_IMPACT:
         held, slides = behind, True

@@ -24,6 +24,7 @@ from .contact_geometry import (
     AT_1,
     AT_2,
     BY,
+    FACE,
     HOME,
     MEMORY,
     OF_TANGENT,
@@ -43,20 +44,21 @@ from .contact_geometry import (
 
 # par from OPPOSITE on: section, powers and offset of the other curve at SECTION, TERMS and OFFSET, as for the own one
 # (and POSE, which is STILL); SIGN of its outside (1 left of its direction, -1 right); its START (S in m) and SPAN [m]
-# along the body; which ends are JOINED to another curve (1 the first, 2 the last, 3 both); z of the element if it is an
-# END of the body (0 along the body), with the height of its middle and half of its height (END_MIDDLE, END_HALF); the
-# SUPPORTED_PART, held by supports in a motion (1: its first end, 2: its last one, 4: all)
-SIGN, START, SPAN, JOINED, END, END_MIDDLE, END_HALF, SUPPORTED_PART = 3, 4, 5, 6, 7, 8, 9, 11
-CURVE_SIZE = 12
+# along the body; the lengths [m] of the surface BEFORE and AFTER it (inf: the body is closed) and HALF of its own; z of
+# the element if it is an END of the body (0 along the body), with the height of its middle and half of its height
+# (END_MIDDLE, END_HALF); the SUPPORTED_PART, held by supports in a motion (1: its first end, 2: its last one, 4: all)
+SIGN, START, SPAN, BEFORE, AFTER, HALF, END, END_MIDDLE, END_HALF, SUPPORTED_PART = 3, 4, 5, 6, 7, 8, 9, 11, 12, 13
+CURVE_SIZE = 14
 # then of the point: its DEEPEST allowed penetration, S [m] of it (POINT_S) and the length POINT_SPAN of its element,
 # the LEAST_DISTANCE along the body below which places are too near to touch (with the length OWN_LOOP of a closed
 # body), the end whose CORNER it is, whether it touches only places further ONWARD, whether it touches BOTH_SIDES, into
 # how many OPPOSITE_INTERVALS contact points divide an element to which it leaves contact where it is opposite to one
-# (0: it does not), the length LOOP of the closed body opposite to it (0: open), and whether supports hold it in a
-# motion (SUPPORTED_POINT)
+# (0: it does not), the length LOOP of the closed body opposite to it (0: open), whether supports hold it in a motion
+# (SUPPORTED_POINT), and the length FADE at the ends of a surface along which its pressure fades (``shares_at``;
+# 0: it does not)
 (DEEPEST, POINT_S, POINT_SPAN, LEAST_DISTANCE, OWN_LOOP, CORNER, ONWARD, BOTH_SIDES, OPPOSITE_INTERVALS, LOOP,
- SUPPORTED_POINT) = range(CURVE_SIZE, CURVE_SIZE + 11)
-BODY_SIZE = CURVE_SIZE + 11
+ SUPPORTED_POINT, FADE) = range(CURVE_SIZE, CURVE_SIZE + 12)
+BODY_SIZE = CURVE_SIZE + 12
 # mem: z of the FOOT point; the FOOT_KIND: within the curve or at an end (constants below); the SIDE of an axis that the
 # point is on; and the SURFACE (``surface_of``) that friction holds it on, at the place ANCHOR
 FOOT, FOOT_KIND, SIDE, SURFACE = range(MEMORY, MEMORY + 4)
@@ -66,6 +68,8 @@ NOWHERE, WITHIN, AT_FIRST, AT_LAST = 0.0, 1.0, 2.0, 3.0
 _TRIES, _ROUND = 25, 1e-11
 # |z| beyond this is off the end of an element, so that a point between two elements is within both
 PAST_END = 1.0 + 1e-6
+# cosine of the angle between outward normals, with the sign reversed, from which on a layer has its whole pressure
+OPPOSED = 0.5
 # largest |z|: an element's polynomial is used up to here beyond its ends
 REACH = 1.5
 
@@ -216,9 +220,39 @@ def gap_between(par, p0, u, mem, own, work, across):  # type: ignore[no-untyped-
     return turned * distance, turned * rx / distance, turned * ry / distance, z
 
 
-def is_past_end(joined, found):  # type: ignore[no-untyped-def]
+def is_past_end(other, found):  # type: ignore[no-untyped-def]
     """Return whether a point is beyond an end of a surface that no curve continues; its corner is a contact point."""
-    return (found == AT_FIRST and joined % 2.0 == 0.0) or (found == AT_LAST and joined < 2.0)
+    return (found == AT_FIRST and other[BEFORE] == 0.0) or (found == AT_LAST and other[AFTER] == 0.0)
+
+
+def shares_at(par, mem, nx, ny, z, own):  # type: ignore[no-untyped-def]
+    """Return two shares of its pressure that a point has, and their first and second derivatives (6,).
+
+    They are 0 where a point begins or ceases to touch at any depth: the first one, by z, at the ends of the surface;
+    the second one, by the angle between both outward normals, where they are at right angles. ``own`` is filled at the
+    point.
+    """
+    other = par[OPPOSITE:]
+    if other[FADE] == 0.0:
+        return 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
+    a, a1, a2 = _rise((other[BEFORE] + (1.0 + z) * other[HALF]) / other[FADE])
+    b, b1, b2 = _rise((other[AFTER] + (1.0 - z) * other[HALF]) / other[FADE])
+    way = other[HALF] / other[FADE] if mem[FOOT_KIND] == WITHIN else 0.0
+    c, s = -1.0, 0.0
+    if other[BOTH_SIDES] == 0.0:
+        tx, ty = curve_derivative(par, own, AT_1, 1)
+        L, face, end = np.sqrt(tx * tx + ty * ty), par[FACE], other[CORNER]
+        mx, my = (end * tx - face * ty) / L, (face * tx + end * ty) / L
+        c, s = mx * nx + my * ny, nx * my - ny * mx
+    t, t1, t2 = _rise(-c / OPPOSED)
+    return (a * b, way * (a1 * b - a * b1), way * way * (a2 * b - 2.0 * a1 * b1 + a * b2),
+            t, t1 * s / OPPOSED, t2 * (s / OPPOSED)**2 + t1 * c / OPPOSED)
+
+
+def _rise(x):  # type: ignore[no-untyped-def]
+    """Return a smooth step from 0 at x = 0 to 1 at x = 1, and its two derivatives."""
+    at = min(max(x, 0.0), 1.0)
+    return at * at * (3.0 - 2.0 * at), 6.0 * at * (1.0 - at), 6.0 - 12.0 * at if at == x else 0.0
 
 
 def relative_row(par, own, work, across, z, mem, vx, vy, out):  # type: ignore[no-untyped-def]
@@ -252,6 +286,24 @@ def gap_derivatives(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H): 
         A, B = rows[1, p], rows[2, p]
         for q in range(n):
             H[p, q] -= (A * rows[2, q] + B * rows[1, q] + b / T * A * rows[1, q] + g * B * rows[2, q]) / (T - g * b)
+
+
+def foot_and_angle(par, p0, u, mem, g, nx, ny, z, own, work, across, rows):  # type: ignore[no-untyped-def]
+    """Set rows 5 and 6 (fields,) to the derivatives of z and of the angle from nu to the outward normal of the point's
+    own surface; rows 2 and 3 are B and A, or row 3, at a kink, tau.W.
+    """
+    other, m = par[OPPOSITE:], field_count(par)
+    tx, ty = curve_derivative(par, own, AT_1, 1)
+    T = tx * tx + ty * ty
+    slope_derivative_along(par, par[HOME], -ty / T, tx / T, own, rows[6], 0)
+    tx, ty, kx, ky = curve_at(other, p0[m:], u[m:], z, work, across)
+    T, b = tx * tx + ty * ty, nx * kx + ny * ky
+    for q in range(m + field_count(other)):
+        if mem[FOOT_KIND] == WITHIN:
+            rows[5, q] = (rows[3, q] + g * rows[2, q]) / (T - g * b)
+            rows[6, q] -= other[SIGN] / np.sqrt(T) * (rows[2, q] + b * rows[5, q])
+        else:
+            rows[6, q] -= rows[3, q] / g
 
 
 def surface_of(other):  # type: ignore[no-untyped-def]

@@ -40,6 +40,8 @@ TOO_DEEP = 0.4
 SELF_DISTANCE = 1.0
 # relative to a height: step along the bodies when searching overlaps near a joint
 SEARCH_STEP = 0.05
+# length along which pressure fades at ends in motion, relative to that of a point, and to the size of the other body
+FADE, FADE_BESIDE = 1.0 / 3.0, 0.25
 # number of places along each curve for the geometry check in the reference
 STATIONS = 9
 
@@ -104,8 +106,7 @@ def body_pairs(item: Contact, name: str, one: BodyMesh, two: BodyMesh, extent: f
     soft, itself, places = item.law is not None, one is two, [*joined]
     if itself:
         places += [(s, s) for s in _sharp_corners(one)]
-    elif soft:
-        rapid, follows = 0.0, {}
+    follows = follows if itself or not soft else {}
     reach, out = [_excluded_length(one, s, two, t) for s, t in places], []
     for k, (mesh, other) in enumerate([(one, two)] if itself else [(one, two), (two, one)]):
         whole = soft or itself or _rank(mesh) < _rank(other)
@@ -174,7 +175,7 @@ class BodyPair:
     def with_points(self, item: Contact, mesh: BodyMesh, chosen: list[Spot]) -> BodyPair:
         """Return chosen points of one of the two bodies as a pair with the other, under a contact of the same kind."""
         other = self.against if mesh is self.mesh else self.mesh
-        return BodyPair(item, self.name, mesh, other, self.scale, chosen)
+        return BodyPair(item, self.name, mesh, other, self.scale, chosen, rapid=self.rapid)
 
     def _items(self) -> None:
         """Create the items, each opposite to the first curve."""
@@ -285,8 +286,7 @@ class BodyPair:
             rows, terms, _ = curve_rows(mesh, ie, 0.0)
             c = rows[:2 * terms] @ (mesh.e0[dofs - mesh.first_dof] + (0.0 if d is None else d[dofs]))
             places.append(np.vander(z, terms, increasing=True) @ c.reshape(2, terms).T)
-        near = cKDTree(np.concatenate(places)).sparse_distance_matrix(cKDTree(np.concatenate(places)), height)
-        near = near.tocoo()
+        near = cKDTree(np.concatenate(places)).sparse_distance_matrix(cKDTree(np.concatenate(places)), height).tocoo()
         along = np.abs(s[near.row] - s[near.col])
         if mesh.plan.closed:
             along = np.minimum(along, mesh.plan.length - along)
@@ -332,11 +332,13 @@ class BodyPair:
         corner = p.z if _is_end(self.mesh, p) else 0.0
         yields = float(pieces_along(self.against)) if self.hard and (
             corner == 1.0 if itself else not self.whole) else 0.0
+        beside = FADE_BESIDE * min(self.against.plan.section.height, self.against.plan.length)
+        fade = 0.0 if self.hard or self.rapid == 0.0 else min(FADE * p.weight, beside)
         return [DEEPEST * height, place_along(self.mesh, p), float(self.mesh.lengths[p.ie]),
                 SELF_DISTANCE * height if itself else 0.0, length if itself and self.mesh.plan.closed else 0.0, corner,
                 float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"),
                 yields, self.against.plan.length if self.against.plan.closed else 0.0,
-                float(bool(self.follows) and not moves(self.mesh, p, self.follows))]
+                float(bool(self.follows) and not moves(self.mesh, p, self.follows)), fade]
 
     @cached_property
     def all_coordinates(self) -> Index:

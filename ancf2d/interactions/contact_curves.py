@@ -305,16 +305,19 @@ def curves_of(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Cur
         for ie in range(count):
             height = eta_at(mesh, Spot(ie, 0.0, eta, 0.0))
             rows, own, kind = curve_rows(mesh, ie, height)
-            joined = (1 if ie > 0 or mesh.plan.closed else 0) + (2 if ie < count - 1 or mesh.plan.closed else 0)
-            add(ie, padded(rows, own, terms), kind, OFFSET=offset_of(mesh, height), JOINED=joined,
-                SIGN=-1.0 if eta == levels[0] and side == "surface" else 1.0, START=float(mesh.starts[ie]),
-                SPAN=float(mesh.lengths[ie]), SUPPORTED_PART=sum(
+            start, span = float(mesh.starts[ie]), float(mesh.lengths[ie])
+            before, after = (math.inf, math.inf) if mesh.plan.closed else (
+                start, mesh.plan.length - start - span if ie < count - 1 else 0.0)
+            add(ie, padded(rows, own, terms), kind, OFFSET=offset_of(mesh, height), BEFORE=before,
+                AFTER=after, HALF=0.5 * span, SIGN=-1.0 if eta == levels[0] and side == "surface" else 1.0,
+                START=start, SPAN=span, SUPPORTED_PART=sum(
                     k for k, z in ((1, -1.0), (2, 1.0)) if follows and not moves(mesh, Spot(ie, z, eta, 0.0), follows)))
     if side == "surface" and not mesh.plan.closed:
         for ie, z in ((0, -1.0), (count - 1, 1.0)):
             low, high = (eta_at(mesh, Spot(ie, z, eta, 0.0)) for eta in levels)
             rests = follows and not any(moves(mesh, Spot(ie, z, eta, 0.0), follows) for eta in levels)
-            place = {"SIGN": -z, "START": 0.0 if z < 0.0 else mesh.plan.length, "SUPPORTED_PART": 4.0 if rests else 0.0}
+            place = {"SIGN": -z, "START": 0.0 if z < 0.0 else mesh.plan.length, "SUPPORTED_PART": 4.0 if rests else 0.0,
+                     "HALF": 0.25 * (high - low) * mesh.plan.section.height}
             rows, own, kind = curve_rows(mesh, ie, 0.0)
             if kind == geometry.CURVE:
                 add(ie, _across(mesh, ie, z, low, high), kind, **place)

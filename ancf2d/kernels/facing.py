@@ -21,9 +21,9 @@ from ..elements.contact_gaps import (
     CORNER,
     CURVE_SIZE,
     DEEPEST,
+    FADE,
     FOOT,
     FOOT_KIND,
-    JOINED,
     LEAST_DISTANCE,
     NOWHERE,
     ONWARD,
@@ -64,8 +64,12 @@ from .lowlevel.arrays import copy, numbers, vector
 from .lowlevel.jit import inner, kernel, seldom
 from .points import fields_of_first, fields_of_item, weights_of_item
 
-# largest cosine between outward normals of faces that may touch; between those of a corner and of a surface
+# without a law, largest cosine between outward normals of faces that may touch; between those of a corner and of a
+# surface
 FACE_COSINE, CORNER_COSINE = -0.3, 0.5
+# with a law, a point in a corner of a body touches the surface that it faces more: squared distances are compared
+# divided by this power of the squared cosine, which is 0 where the pressure vanishes
+POWER = 4
 # equal positions
 SAME = 1e-6
 # instead of a distance, for ``face``: that at which each point may have a force; the same, but any distance for points
@@ -100,11 +104,17 @@ def _faces(par, other, nx, ny, tx, ty, off):  # type: ignore[no-untyped-def]
     """
     if other[BOTH_SIDES] > 0.0:
         return True
-    size = math.sqrt(tx * tx + ty * ty)
-    face, end = par[FACE] * (tx * ny - ty * nx) / size - off, other[CORNER] * (tx * nx + ty * ny) / size - off
+    face, end = _cosines(par, other, nx, ny, tx, ty)
     if par[FACE] != 0.0 and other[CORNER] != 0.0:
-        return face < CORNER_COSINE and end < CORNER_COSINE
-    return (face if par[FACE] != 0.0 else end) < FACE_COSINE
+        return face - off < CORNER_COSINE and end - off < CORNER_COSINE
+    return face + end - off < (0.0 if other[FADE] > 0.0 else FACE_COSINE)
+
+
+@inner
+def _cosines(par, other, nx, ny, tx, ty):  # type: ignore[no-untyped-def]
+    """Return the cosines between a normal and those of the face and of the end that a point is on, else 0."""
+    size = math.sqrt(tx * tx + ty * ty)
+    return par[FACE] * (tx * ny - ty * nx) / size, other[CORNER] * (tx * nx + ty * ny) / size
 
 
 @inner
@@ -119,15 +129,28 @@ def _may_touch(par, other, s, nx, ny, tx, ty):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _try_curve(par, other, fields, none, x, y, tx, ty, z, best):  # type: ignore[no-untyped-def]
-    """Replace ``best`` by the foot point on a curve if it is nearer and may touch; return whether it was replaced.
+def _is_on_next(table, way, c, found, rx, ry, none):  # type: ignore[no-untyped-def]
+    """Return whether the curve that continues c has the foot point of a point at R from the end ``found`` of c."""
+    first, n = table.first[way], table.first[way + 1] - table.first[way]
+    # first the curves of each face, then the ends
+    n -= 2 if table.curve[first + n - 1, SPAN] == 0.0 else 0
+    n, step = n // 2, 1 if found == AT_LAST else -1
+    k = first + (c - first) // n * n + ((c - first) % n + step) % n
+    _, _, tx, ty, _, _ = _trace_at(table.curve[k], table.now[table.at[k, 2]:], none, -1.0 * step)
+    return step * (rx * tx + ry * ty) > 0.0
+
+
+@inner
+def _try_curve(table, way, c, par, other, none, x, y, tx, ty, z, best):  # type: ignore[no-untyped-def]
+    """Replace ``best`` by the foot point on curve c if it is nearer and may touch; return whether it was replaced.
 
     z : where Newton's method starts.
 
-    best : (distance squared, z, kind of foot point, side of the point, whether the point is closed).
+    best : (distance squared, or what is compared instead of it, z, kind of foot point, side of the point, whether the
+    point is closed, largest distance squared).
     """
+    fields, found = table.now[table.at[c, 2]:], WITHIN
     z = _foot_point(other, fields, none, x, y, z)
-    found = WITHIN
     if z < -PAST_END:
         z, found = -1.0, AT_FIRST
     elif z > PAST_END:
@@ -141,21 +164,27 @@ def _try_curve(par, other, fields, none, x, y, tx, ty, z, best):  # type: ignore
     cx, cy, bx, by, _, _ = _trace_at(other, fields, none, z)
     rx, ry = x - cx, y - cy
     D, size = rx * rx + ry * ry, math.sqrt(bx * bx + by * by)
-    if best[0] <= D:
+    if min(best[0], best[5]) <= D:
         return False
     sign = other[SIGN]
     nx, ny = -sign * by / size, sign * bx / size
     inside = nx * rx + ny * ry < 0.0
-    if found != WITHIN and inside and other[BOTH_SIDES] == 0.0 and best[4] != CLOSED:
+    if inside and other[BOTH_SIDES] == 0.0 and best[4] != CLOSED and _is_past_end(other, found):
         # an end as the nearest point from inside a body counts only where the next element joins; other ends are where
         # the body stops, which closed points may slide past
-        joined = int(other[JOINED])
-        if not (joined % 2 == 1 if found == AT_FIRST else joined >= 2):
-            return False
+        return False
     if inside and other[DEEPEST]**2 < D:
+        return False
+    fades = other[FADE] > 0.0 and other[BOTH_SIDES] == 0.0
+    if fades and inside and found != WITHIN and _is_on_next(table, way, c, found, rx, ry, none):
         return False
     if not _may_touch(par, other, other[START] + 0.5 * (z + 1.0) * other[SPAN], nx, ny, tx, ty):
         return False
+    if fades:
+        face, end = _cosines(par, other, nx, ny, tx, ty)
+        D /= max((face + end)**(2 * POWER), 1e-99)
+        if best[0] <= D:
+            return False
     best[0], best[1], best[2] = D, z, found
     return True
 
@@ -164,25 +193,26 @@ def _try_curve(par, other, fields, none, x, y, tx, ty, z, best):  # type: ignore
 def _nearest(table, way, par, x, y, tx, ty, best, room, none, waiting):  # type: ignore[no-untyped-def]
     """Return the curve that a contact point faces, or -1 if there is none; fill ``best`` (``_try``).
 
-    Only curves nearer than the initial squared distance in ``best`` are found.
+    Only curves nearer than the largest squared distance in ``best`` are found.
     """
     first, n, root, found = table.first[way], table.first[way + 1] - table.first[way], table.tree[way], -1
-    best[1], best[2] = 0.0, NOWHERE
+    best[0], best[1], best[2] = np.inf, 0.0, NOWHERE
     waiting[0], count = 0, 1
     while count > 0:
         count -= 1
         k = waiting[count]
-        if distance_from_box(table.boxes[root + k], x, y) >= best[0]:
+        near = min(best[0], best[5])
+        if distance_from_box(table.boxes[root + k], x, y) >= near:
             continue
         if k >= n - 1:
             c = first + k - (n - 1)
             z, least = nearest_on_chord(table.chords[c], x, y)
-            if least * least >= best[0] or not _can_touch(par, room, table.curve[c], table.chords[c], tx, ty):
+            if least * least >= near or not _can_touch(par, room, table.curve[c], table.chords[c], tx, ty):
                 continue
             copy(table.curve[c], room[:CURVE_SIZE])
             if room[BOTH_SIDES] > 0.0:
                 room[SIGN] = best[3]
-            if _try_curve(par, room, table.now[table.at[c, 2]:], none, x, y, tx, ty, z, best):
+            if _try_curve(table, way, c, par, room, none, x, y, tx, ty, z, best):
                 found = c
             continue
         one, two = 2 * k + 1, 2 * k + 2
@@ -216,7 +246,7 @@ def _find_curve(table, points, k, u, z, within, best, room, none, waiting):  # t
         room[q] = par[OPPOSITE + q] if CURVE_SIZE <= q < BODY_SIZE else 0.0
     # arc length of the point itself on its body
     room[POINT_S] += 0.5 * (z - par[HOME]) * room[POINT_SPAN]
-    best[0], best[3], best[4] = within * within, mem[SIDE], mem[STATUS]
+    best[3], best[4], best[5] = mem[SIDE], mem[STATUS], within * within
     c = _nearest(table, table.way[k], par, x, y, tx, ty, best, room, none, waiting)
     if c < 0 and within < np.inf:
         return
@@ -248,7 +278,7 @@ def face(table, points, d, within):  # type: ignore[no-untyped-def]
     """
     if len(table.item) == 0:
         return
-    u, none, best, room = vector(200), vector(200), vector(5), vector(points.par.shape[1])
+    u, none, best, room = vector(200), vector(200), vector(6), vector(points.par.shape[1])
     fill_curves(table, d, none)
     waiting = numbers(table.item, _DEEP)
     for k in range(len(table.item)):
@@ -292,7 +322,7 @@ def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, wa
     points.mem[i, PLACE] = z
     fields_of_item(points, i, d, u)
     _find_curve(table, points, k, u, z, np.inf, best, room, none, waiting)
-    if _is_past_end(points.par[i, OPPOSITE + JOINED], points.mem[i, FOOT_KIND]):
+    if _is_past_end(points.par[i, OPPOSITE:], points.mem[i, FOOT_KIND]):
         return np.inf
     fields_of_item(points, i, d, u)
     b, e = points.field[i], points.field[i + 1]
@@ -308,7 +338,7 @@ def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyp
     ``free`` (n,) : which points may move; depth (n,) is 0 if there is no maximum inside the interval. Call it after
     ``face`` at d (n_full,).
     """
-    u, none, best = vector(200), vector(200), vector(5)
+    u, none, best = vector(200), vector(200), vector(6)
     own, work, across, room = vector(WORK), vector(WORK), vector(WORK), vector(points.par.shape[1])
     waiting, g, kept = numbers(table.item, _DEEP), vector(SAMPLES), vector(points.mem.shape[1])
     for k in range(len(table.item)):

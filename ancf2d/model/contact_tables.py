@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..elements.contact_gaps import FOOT, FOOT_KIND, JOINED, LOOP, SPAN, START, SURFACE, distance_along, is_past_end
+from ..elements.contact_gaps import FOOT, FOOT_KIND, LOOP, SPAN, START, SURFACE, distance_along, is_past_end
 from ..elements.contact_geometry import (
     ANCHOR,
     BENDING,
@@ -342,8 +342,8 @@ class BodyTable(ContactTable):
     @staticmethod
     def _past_ends(table: Record) -> Any:
         """Return which points (m,) of an updated table are beyond an end of the other body."""
-        joined, found = table.par[:, OPPOSITE + JOINED], table.mem[:, FOOT_KIND]
-        return np.array([is_past_end(*row) for row in zip(joined, found, strict=True)], dtype=bool)
+        par, found = table.par[:, OPPOSITE:], table.mem[:, FOOT_KIND]
+        return np.array([is_past_end(*row) for row in zip(par, found, strict=True)], dtype=bool)
 
     def gaps_and_places(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None
                         ) -> tuple[Array, Array, Any]:

@@ -13,6 +13,8 @@ from ancf2d.elements import contact_geometry as geometry
 
 # what the point is opposite to: the inside of an element, an end of it at a kink, the end of a body
 PLACES = {"within": gaps.WITHIN, "kink": gaps.AT_LAST, "end": gaps.WITHIN}
+# distance from the end of the other surface, and inclination, of points whose pressure fades
+FADING = {"beside an end": (0.2, 0.0), "aslant": (0.4, 1.2), "aslant beside an end": (0.2, 1.2)}
 KINDS = {"compliant": (laws.COMPLIANT_BODIES, 0.0), "damped": (laws.COMPLIANT_BODIES, 0.4),
          "hard": (laws.HARD_BODIES, 0.0)}
 ROUGH = {"layer": laws.COMPLIANT_BODIES, "hard": laws.ROUGH_BODIES}
@@ -21,29 +23,35 @@ ROUGH = {"layer": laws.COMPLIANT_BODIES, "hard": laws.ROUGH_BODIES}
 class Point:
     """A point of one bent curve within another, and how the law is asked."""
 
-    def __init__(self, law, one, two, place, damping=0.0, depth=0.03):
+    def __init__(self, law, one, two, place, damping=0.0, depth=0.03, after=1.0, angle=0.0):
         rng = np.random.default_rng(5)
         (kind, terms), (other, others) = SECTIONS[one], SECTIONS[two]
         self.law, self.hard = law, law.constraint
         curve = np.zeros(gaps.BODY_SIZE)
         curve[[geometry.SECTION, geometry.TERMS, geometry.OFFSET]] = other, others, 0.07
-        curve[gaps.SIGN], curve[gaps.SPAN] = 1.0, 1.0
+        curve[[gaps.SIGN, gaps.SPAN, gaps.BEFORE, gaps.AFTER, gaps.HALF, gaps.FADE]] = 1.0, 1.0, 1.0, after, 0.5, 0.3
+        face = -1.0
         if place == "end" and two != "curve":
-            curve[[gaps.END, gaps.END_MIDDLE, gaps.END_HALF, gaps.SIGN]] = 1.0, 0.01, 0.08, -1.0
+            curve[[gaps.END, gaps.END_MIDDLE, gaps.END_HALF, gaps.SIGN, gaps.CORNER]] = 1.0, 0.01, 0.08, -1.0, -1.0
+            face = 0.0
         self.par = np.array([kind, terms, 0.1, 0.3, 0.7, 100.0, damping, 0.0, 1.0, 1e-12, geometry.STILL, 0.0, 0.0, 1.0,
-                             0.0, 0.0, 0.0, 0.0, *curve])
+                             face, 0.0, 0.0, 0.0, *curve])
 
-        def bent(section, count):
+        def bent(section, count, angle=0.0):
             fields = 0.02 * rng.standard_normal((3 if section == "theta" else 2, count))
             fields[0, :2] += [0.1, 0.5]
+            c, s = np.cos(angle), np.sin(angle)
+            fields[:2] = np.array([[c, -s], [s, c]]) @ fields[:2]
+            fields[2:, 0] += angle
             return fields
 
         self.sizes = [(3 if one == "theta" else 2) * terms, (3 if two == "theta" else 2) * others]
-        self.p0 = np.concatenate([bent(one, terms).ravel(), bent(two, others).ravel(), *([[0.0]] if self.hard else [])])
+        self.p0 = np.concatenate([bent(one, terms, angle).ravel(), bent(two, others).ravel(), [0.0] * self.hard])
         self.u, self.w = np.zeros(len(self.p0)), np.zeros(len(self.p0))
         self.mem = np.zeros(gaps.BODY_MEMORY)
         self.mem[geometry.STATUS], self.mem[gaps.FOOT_KIND] = -1.0, PLACES[place]
         self.mem[gaps.FOOT] = 1.0 if place == "kink" else 0.2
+        self.mem[gaps.SIDE] = curve[gaps.SIGN]
         self._move_to_depth(depth)
         if self.hard:
             self.u[-1] = -3.0
@@ -78,6 +86,8 @@ class Point:
 def test_stiffness_and_damping_are_the_derivatives_of_the_forces(kind, one, two, place):
     law, damping = KINDS[kind]
     point = Point(law, one, two, place, damping)
+    # whichever side is touched, nothing fades
+    point.par[geometry.OPPOSITE + gaps.BOTH_SIDES] = 1.0
     _, f, H, C, power = point(point.u, point.w)
     assert np.abs(f).max() > 0.1
     size = 1.0 + np.abs(H).max()
@@ -91,6 +101,30 @@ def test_stiffness_and_damping_are_the_derivatives_of_the_forces(kind, one, two,
         assert power == pytest.approx((f - still) @ point.w, rel=1e-10)
     else:
         np.testing.assert_allclose(H, H.T, atol=1e-12 * size)
+
+
+@helpers.pairwise(one=SECTIONS, two=SECTIONS, place=["within", "end"], fading=FADING, damping=[0.0, 0.4])
+def test_pressure_that_fades_has_a_potential(one, two, place, fading, damping):
+    """Its stiffness is that of its forces, but for terms of a higher order in the depth."""
+    (away, angle), errors = FADING[fading], []
+    for depth in (1e-2, 1e-3):
+        # its foot point is 0.4 from the end of the curve
+        point = Point(laws.COMPLIANT_BODIES, one, two, place, damping, depth, away - 0.4, angle)
+        energy, f = point(point.u, 0.0 * point.w)[:2]
+        whole = 0.5 * point.par[geometry.WEIGHT] * point.par[geometry.STIFFNESS] * depth**2
+        assert 0.1 * whole < energy < 0.95 * whole
+        slope = differences(lambda u, p=point: np.array(p(u, 0.0 * p.w)[0]), point.u, h=1e-3 * depth)
+        np.testing.assert_allclose(f, slope, atol=1e-7 * np.abs(f).max())
+        check_balance(point, (one, two))
+        _, moving, H, C, power = point(point.u, point.w)
+        assert power == pytest.approx((moving - f) @ point.w, rel=1e-9, abs=1e-15)
+        stiff, lossy = (differences(lambda u, p=point: p(u, p.w)[1], point.u, h=1e-3 * depth),
+                        differences(lambda w, p=point: p(p.u, w)[1], point.w, linear=True))
+        np.testing.assert_allclose(C, lossy, atol=1e-7 * np.abs(C).max())
+        errors.append(np.abs(H - stiff).max() / np.abs(H).max())
+    # at least of second order, beside an element of the length 1
+    assert errors[0] < 2e-3
+    assert errors[1] < 0.02 * errors[0]
 
 
 def rubbing(one, two, place, slides, depth, law=laws.COMPLIANT_BODIES):
@@ -148,10 +182,15 @@ def _resultant(point, sections):
 @pytest.mark.parametrize("two", SECTIONS)
 @pytest.mark.parametrize("one", SECTIONS)
 def test_the_two_bodies_are_in_balance(one, two, place, friction):
-    point = rubbing(one, two, place, True, 0.03) if friction else Point(laws.COMPLIANT_BODIES, one, two, place)
+    check_balance(rubbing(one, two, place, True, 0.03) if friction else Point(laws.COMPLIANT_BODIES, one, two, place),
+                  (one, two))
+
+
+def check_balance(point, sections):
+    """Force and moment of both bodies vanish together."""
     f, start = point(point.u, point.w)[1], 0
     total = np.zeros(3)
-    for section, size in zip((one, two), point.sizes, strict=True):
+    for section, size in zip(sections, point.sizes, strict=True):
         sets = 3 if section == "theta" else 2
         own, fields = f[start:start + size].reshape(sets, -1), point.p0[start:start + size].reshape(sets, -1)
         total[:2] += own[:2, 0]

@@ -1,0 +1,80 @@
+"""Energy of layers between bodies: none appears or vanishes where ends slide past points, or where bodies turn."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import helpers as h
+import numpy as np
+import pytest
+
+import ancf2d
+
+RUBBER = {"E": 1e7, "nu": 0.3, "rho": 1000.0}
+RIGID = {"type": "rigid"}
+
+
+def strip(start: Any, end: Any, element: dict[str, Any] = RIGID, height: float = 0.03) -> dict[str, Any]:
+    """Return a straight body."""
+    geometry = {"type": "line", "start": [float(x) for x in start], "end": [float(x) for x in end]}
+    return h.body(geometry, element, {"height": height, "width": 0.02}, RUBBER)
+
+
+def thrown(x: float, y: float, angle: float, velocity: tuple[float, float], spin: float) -> dict[str, Any]:
+    """Return a free rod at rest, and a shorter one, centred at x, y and inclined by an angle, that is thrown at it."""
+    centre, half = np.array([x, y]), 0.175 * np.array([np.cos(angle), np.sin(angle)])
+    return {"bodies": {"one": strip([-0.25, 0], [0.25, 0]), "two": strip(centre - half, centre + half)},
+            "contacts": [{"between": ["one", "two"], "law": {"stiffness": 3e5}}],
+            "initial": {"bodies": {"two": {"velocity": list(velocity),
+                                           "rotation_rate": {"omega": spin, "about": centre.tolist()}}}}}
+
+
+def sliding(order: list[str], element: Any, friction: float) -> dict[str, Any]:
+    """Return a block that slides off the end of a plank and tips over it, pressed down by gravity."""
+    height, depth = 0.02, 0.001
+    block = strip([-0.3, height - depth], [0.0, height - depth], element(4), height)
+    return {"bodies": {"block": block, "plank": strip([-0.9, 0], [0.1, 0], element(8), height)},
+            "boundary_conditions": [{"type": "clamp", "at": "plank@0"}],
+            "loads": [{"type": "gravity", "value": [0, -9.81]}],
+            # its depth at rest
+            "contacts": [{"between": order, "law": {"stiffness": 1000.0 * height * 0.02 * 9.81 / depth},
+                          "friction": friction}],
+            "initial": {"bodies": {"block": {"velocity": [1.2, 0.0]}}}}
+
+
+def drift(scene: dict[str, Any], t_end: float, tolerance: float = 1e-5, interval: float = 0.01) -> float:
+    """Return the largest change of the energy, with what was dissipated, relative to the largest energy."""
+    found = ancf2d.solve({**scene, "output": {"interval": interval}, "solver": {
+        "type": "dynamic", "t_end": t_end, "tolerance": tolerance, "estimate": False}})
+    e = found.energies
+    total = e["kinetic"] + e["strain"] + e["potential"] - e["work"] + e["dissipated"]
+    return float(np.abs(total - total[0]).max() / (e["kinetic"] + e["strain"]).max())
+
+
+@pytest.mark.parametrize("way", [
+    # an end of one slides past points of the other at a depth: 0.7 and 0.07 of the energy, if they cease to press there
+    (-0.074, 0.306, 4.384, (-0.35, -1.93), 4.63), (-0.149, 0.326, 2.603, (-0.41, -1.60), -1.10),
+    # an end turns away from the face that it is in: 0.1
+    (0.139, 0.334, 3.043, (0.25, -1.98), 3.08)])
+def test_rods_that_bounce_off_each_other_keep_their_energy(way):
+    assert drift(thrown(*way), 0.3, interval=0.05) < 1e-4
+
+
+@pytest.mark.parametrize("element", [lambda count: RIGID, pytest.param(lambda count: h.element("cable", count),
+                                                                       marks=pytest.mark.slow)], ids=["rigid", "cable"])
+@pytest.mark.parametrize("order", [["block", "plank"], ["plank", "block"]])
+@pytest.mark.parametrize("friction", [0.0, pytest.param(0.2, marks=pytest.mark.slow)])
+def test_a_block_that_slides_off_the_end_of_a_plank_keeps_its_energy(order, element, friction):
+    """Its points would lose up to k g^2/4 per length there: up to 0.015 of the energy."""
+    assert drift(sliding(order, element, friction), 0.2) < 1e-4
+
+
+@pytest.mark.slow
+def test_a_soft_whip_that_strikes_its_own_arm_keeps_its_energy():
+    path = {"type": "path", "start": [0, 0], "pieces": [{"line": 0.35}, {"arc": 0.1, "angle": np.pi}, {"line": 0.3}]}
+    whip = h.body(path, h.element("cable", 20), {"height": 0.02, "width": 0.02}, {**RUBBER, "E": 2e6})
+    scene = {"bodies": {"whip": whip}, "boundary_conditions": [{"type": "clamp", "at": "whip@0"}],
+             "loads": [{"type": "gravity", "value": [0, -9.81]}],
+             "contacts": [{"self": "whip", "law": {"stiffness": 5e4}}]}
+    # the tip lands after 0.2 s and slides along the arm
+    assert drift(scene, 0.28) < 1e-4
