@@ -350,8 +350,7 @@ class BodyPair:
     @property
     def coordinate_sets(self) -> Index:
         """All sets of coordinates on which an item can act together (k, n): one element of each body."""
-        own = np.unique(self.dofs[:, :self.own[1]], axis=0)
-        other = self.against.dofs
+        own, other = np.unique(self.dofs[:, :self.own[1]], axis=0), self.against.dofs
         return np.hstack([np.repeat(own, len(other), axis=0), np.tile(other, (len(own), 1))])
 
 
