@@ -58,7 +58,7 @@ reliable than seconds.
   `OPENBLAS_NUM_THREADS=1` before you import NumPy. An existing setting is not changed.
 * Motions use high-order integrators (`radau5`, `radau9`): smooth motions take few steps, and more digits cost little
   extra time. `estimate: false` omits the coarser runs of the [error estimate](motion.md#summary). Each stored state
-  adds about 0.1 ms, whatever the step.
+  adds about 0.05 ms, whatever the step.
 * `reissner3` is the fastest type for beam theory, `reissner2` the fastest per element. Elements with 12 coordinates
   cost three to six times as much each.
 
