@@ -194,7 +194,9 @@ class Model:
 
     @cached_property
     def contact_tables(self) -> list[ContactTable]:
-        """The tables of contact points, one for each contact (imports numba)."""
+        """The tables of contact points, one for each contact (imports numba if there are any)."""
+        if not self.contacts:
+            return []
         from .contact_tables import contact_table
 
         self.interactions  # noqa: B018  the tables need constants that this sets

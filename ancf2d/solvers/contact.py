@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 def memory(model: Model) -> list[Array]:
     """Return a copy of the history variables of all contact points."""
-    model.interactions  # noqa: B018  this makes the tables that hold them
     return [np.array([row[:one.size] for row in _memory_views(one)]) for one in model.contact_tables]
 
 

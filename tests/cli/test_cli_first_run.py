@@ -122,6 +122,14 @@ def test_a_first_run_compiles_what_linear_statics_takes_and_a_second_one_imports
     assert not NOT_NEEDED & set(second["modules"])
 
 
+def test_load_steps_without_points_do_not_import_what_points_need(folder: Path) -> None:
+    """No spring, constraint or contact: a second run imports the kernels of elements and matrices alone."""
+    case = folder / "beam.yaml"
+    case.write_text(case.read_text().replace("linear_static", "static"))
+    run(folder)
+    assert not NOT_NEEDED & set(run(folder)["modules"])
+
+
 def kernels_taken(folder: Path, *commands: list[str]) -> set[str]:
     """Run commands in a process of their own; return the kernels that they take, with the types of their arguments."""
     found = subprocess.run([sys.executable, "-c", EACH, json.dumps(commands)], cwd=folder, text=True,

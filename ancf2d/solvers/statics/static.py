@@ -213,7 +213,8 @@ class March:
         self.system.count(self.d, 0.0)
         self.turns = self.system.turns()
         self.jumps = Jumps(self.model)
-        self.model.interactions.set_friction_anchors(self.d, 0.0)
+        if self.model.contacts:
+            self.model.interactions.set_friction_anchors(self.d, 0.0)
 
     def settle(self) -> tuple[int, list[str]]:
         """Go to the equilibrium at factor 0; return the number of iterations and warnings.
