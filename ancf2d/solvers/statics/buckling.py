@@ -22,7 +22,8 @@ from ..small_motions.linearised import Base, Linearised, base_state, to_sparse
 from ..small_motions.lowest_modes import Pencil, map_rows, ritz
 from ..small_motions.projected import Quadratic
 from ..state import State
-from .load_rates import SMALL, neglected_work, residual_rate, response_size, step_of, switching_springs, tangent_rate
+from .load_rates import SMALL, residual_rate, response_size, step_of, tangent_rate
+from .one_sided import neglected_work, switching_springs
 from .static import unscaled
 
 # rotation or strain of the linear response above which a load factor means nothing

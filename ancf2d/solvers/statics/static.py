@@ -20,7 +20,6 @@ from ..state import State
 from ..system import System, Turned
 from ..threads import largest
 from .hanging import FALLS, FELL, hanging, slack, tethered
-from .load_rates import check_taut
 from .newton import (
     MAX_ITERATIONS,
     POOR,
@@ -35,6 +34,7 @@ from .newton import (
     newton,
     state_of,
 )
+from .one_sided import check_taut
 from .step_control import Jumps, Path, Stride
 
 # displacements with a larger relative uncertainty are useless
