@@ -64,10 +64,9 @@ from .lowlevel.arrays import copy, numbers, vector
 from .lowlevel.jit import inner, kernel, seldom
 from .points import fields_of_first, fields_of_item, weights_of_item
 
-# without a law, largest cosine between outward normals of faces that may touch; between those of a corner and of a
-# surface
+# largest cosine between outward normals of faces that may touch, where pressure does not fade; of a corner and a surface
 FACE_COSINE, CORNER_COSINE = -0.3, 0.5
-# with a law, a point in a corner of a body touches the surface that it faces more: squared distances are compared
+# where it fades, a point in a corner of a body touches the surface that it faces more: squared distances are compared
 # divided by this power of the squared cosine, which is 0 where the pressure vanishes
 POWER = 4
 # equal positions
