@@ -64,7 +64,7 @@ from .lowlevel.arrays import copy, numbers, vector
 from .lowlevel.jit import inner, kernel, seldom
 from .points import fields_of_first, fields_of_item, weights_of_item
 
-# largest cosine between outward normals of faces that may touch, where pressure does not fade; of a corner and a surface
+# largest cosine between outward normals of faces that may touch where pressure does not fade; of a corner and a surface
 FACE_COSINE, CORNER_COSINE = -0.3, 0.5
 # where it fades, a point in a corner of a body touches the surface that it faces more: squared distances are compared
 # divided by this power of the squared cosine, which is 0 where the pressure vanishes
