@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
+
 import numpy as np
 
 from ..case import Case
@@ -26,11 +28,12 @@ def asks_for_forces(case: Case) -> bool:
 
 
 class Observer:
-    """Evaluate the probes of a case for states; without ``forces`` no section forces."""
+    """Evaluate the probes of a case, or those ``named``, for states; without ``forces`` no section forces."""
 
-    def __init__(self, model: Model, forces: bool = True) -> None:
+    def __init__(self, model: Model, forces: bool = True, named: Container[str] | None = None) -> None:
         self.model = model
-        self.probes = {name: model.point(p.at, p.y) for name, p in model.case.output.probes.items()}
+        self.probes = {name: model.point(p.at, p.y) for name, p in model.case.output.probes.items()
+                       if named is None or name in named}
         self.rotations = {name: Rotation(p) for name, p in self.probes.items()}
         self.forces = forces and asks_for_forces(model.case)
         self._sections: dict[str, SectionForces] = {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -352,15 +352,16 @@ def probes_alike(one: Model, other: Model, names: Iterable[str]) -> bool:
 
 
 def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, forces: bool = False,
-                 goals: Sequence[Goal] = ()) -> dict[str, Any]:
+                 goals: Sequence[Goal] = (), probes: Container[str] | None = None) -> dict[str, Any]:
     """Return the part of a summary that goals read, at the last state of a run.
 
-    Reactions and section forces at probes are included on request; ``goals`` over windows of time use all states.
+    Reactions and section forces at probes are included on request, all ``probes`` if none are named; ``goals`` over
+    windows of time use all states.
     """
     from ..solvers.post import Observer, energies, reactions
 
     state = states[-1]
-    observer = Observer(model)
+    observer = Observer(model, named=probes)
     observer.forces |= forces
     out: dict[str, Any] = {"probes": observer.observe(state)}
     out["energy"] = dict(state.history) if model.case.solver.moves else energies(model, state)

@@ -9,7 +9,7 @@ from pursued import CANTILEVER, TWO, case
 from ancf2d.elements import registry
 from ancf2d.study.accuracy.control import solve_to_accuracy
 from ancf2d.study.accuracy.direct import order_of
-from ancf2d.study.accuracy.neighbours import SAFETY, verdict_of
+from ancf2d.study.accuracy.neighbours import SAFETY, verdict_of, verdict_of_two
 from ancf2d.study.accuracy.setting import Level, Setting, with_setting
 from ancf2d.study.accuracy.weighted import weighted
 from ancf2d.study.goal import GoalValue, solve_for_goal
@@ -83,6 +83,16 @@ def test_neighbours_tell_the_error_of_a_power_law(order):
     assert 0.01 * 4.0**-order < found.finer_error <= 5 * 0.01 * 4.0**-order
     assert found.estimate.value == pytest.approx(1.0, abs=1e-12)
     assert found.estimate.order == pytest.approx(order, rel=1e-9)
+
+
+@pytest.mark.parametrize("order", [1.0, 2.0, 3.0, 4.0, 6.0])
+def test_a_finer_mesh_alone_bounds_the_error_of_every_order(order):
+    """f = 1 + h^p/100: the estimate is between 1.25 and 2.5 times the error of the coarser mesh, and of the finer one
+    not below its error."""
+    found = verdict_of_two(*(level(1.0 + 0.01 * (2.0**-k) ** order) for k in (1, 2)))
+    assert SAFETY * 0.01 * 2.0**-order <= found.error * (1 + 1e-12) <= 2.0 * SAFETY * 0.01 * 2.0**-order
+    assert found.finer_error >= SAFETY * 0.01 * 4.0**-order * (1 - 1e-12)
+    assert found.estimate.order is None
 
 
 def test_meshes_that_agree_by_chance_are_not_believed():

@@ -90,7 +90,7 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
     pursuit = Pursuit(dense or _with_tolerance(loaded, BEGUN * wanted), wanted, progress or Progress(), target, tell)
     if dense is not None:
         pursuit.model_error = pursuit.report["points_error"] = POINTS * wanted
-    if _open_bodies(loaded) or not Direct(pursuit, {}).applies():
+    if _open_bodies(loaded) or not Direct(pursuit, {}, wanted).applies():
         prepare(first_mesh(loaded))
     for name, body in flexible(loaded.case).items():
         if body.element.nodes == "regular" and stretches(body.geometry, acting_points(loaded.case)[name])[1:]:
@@ -155,10 +155,10 @@ def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | Non
 def _directly(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None, wanted: float
               ) -> tuple[Level, float, Estimate] | None:
     """Return the result of directly predicted meshes, or None if a ladder of meshes is needed."""
-    direct = Direct(pursuit, types)
+    direct = Direct(pursuit, types, wanted)
     if tolerance is None:
-        return direct.reach(wanted)
-    found = Motion(pursuit, types, direct.first(wanted).counts, tolerance).reach(wanted)
+        return direct.reach()
+    found = Motion(pursuit, types, direct.first().counts, tolerance).reach(wanted)
     if found is None:
         pursuit.report.pop("time_error", None)
     return found

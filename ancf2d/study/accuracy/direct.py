@@ -22,7 +22,7 @@ from ...model.curve import stretches
 from ..order import Estimate
 from ..variants import Variant, described
 from .mesh import influence_by_body
-from .neighbours import Neighbour, Verdict, solve_neighbour, verdict_of
+from .neighbours import Neighbour, Verdict, solve_neighbour, verdict_of, verdict_of_two
 from .pursuit import MOST_ELEMENTS, MOST_WORK, EstimateOf, Pursuit
 from .setting import AS_GIVEN, Level, Setting, bodies_with_meshes, meshed
 
@@ -69,6 +69,7 @@ class Direct:
 
     pursuit: Pursuit
     types: dict[str, Variant]
+    wanted: float
     verdict: Verdict | None = None
     fine: Neighbour | None = None
     finer: Level | None = None
@@ -77,14 +78,14 @@ class Direct:
     def __post_init__(self) -> None:
         self.orders = {name: self._order(name) for name in meshed(self.pursuit.loaded.case, self.types)}
 
-    def reach(self, wanted: float) -> tuple[Level, float, Estimate] | None:
-        """Return a level whose estimated error is below ``wanted``, its error, and the estimate.
+    def reach(self) -> tuple[Level, float, Estimate] | None:
+        """Return a level whose estimated error is below the wanted one, its error, and the estimate.
 
         None if no mesh can be judged in this way; a ladder of meshes may still succeed.
         """
         if not self.applies():
             return None
-        setting, why = self.first(wanted), "predicted from the order of the element type"
+        setting, why = self.first(), "predicted from the order of the element type"
         unseen = 0
         for _ in range(1 + 2 * CORRECTIONS):
             if 2 * setting.elements > MOST_ELEMENTS:
@@ -101,15 +102,15 @@ class Direct:
                     return None
                 setting, why = found or self._doubled(setting)
                 continue
-            if verdict.error <= wanted:
+            if verdict.error <= self.wanted:
                 return level, verdict.error, verdict.estimate
-            if verdict.finer_error <= wanted and self.finer is not None:
+            if verdict.finer_error <= self.wanted and self.finer is not None:
                 self.pursuit.tell(f"{many(self.finer.setting.elements, 'element')}: the result")
                 finer = self.pursuit.resolve_as_result(self.finer, _always(verdict.estimate, verdict.finer_error))
                 return None if finer.answer is None else (finer, verdict.finer_error, verdict.estimate)
             if verdict.estimate.order is None or 4 * level.work > MOST_WORK:
                 return None
-            setting, why = self._next(level, verdict, wanted)
+            setting, why = self._next(level, verdict)
         return None
 
     @staticmethod
@@ -148,15 +149,15 @@ class Direct:
         kind, order = (own.type, own.order) if variant.type is None else (variant.type, variant.order)
         return 2.0 if kind == "user" else order_of(registry.element_type(kind, order))
 
-    def first(self, wanted: float) -> Setting:
-        """Return the mesh whose error is about ``wanted`` if the goal's error constant is one."""
+    def first(self) -> Setting:
+        """Return the mesh whose error is about the wanted one if the goal's error constant is one."""
         counts, case = {}, self.pursuit.loaded.case
         # the k-th mode shape has k half waves
         waves = max(1.0, 0.5 * ((case.goal and (case.goal.number or case.goal.load_factor)) or 1))
         lengths = {name: sum(stretches(case.bodies[name].geometry, ())) for name in self.orders}
         for name, mesh in meshed(case, self.types).items():
             # arcs need more elements, in proportion to the right angles that they turn through
-            n = waves * MORE * max(1.0, 0.5 * mesh.least / mesh.stretches) * wanted ** (-1.0 / self.orders[name])
+            n = waves * MORE * max(1.0, 0.5 * mesh.least / mesh.stretches) * self.wanted ** (-1.0 / self.orders[name])
             n = min(n, FIRST) * math.sqrt(lengths[name] / max(lengths.values()))
             if mesh.stretches > 1:
                 counts[name] = 2 * mesh.least * max(1, math.ceil(0.5 * n / mesh.least))
@@ -171,24 +172,28 @@ class Direct:
         assert pursuit.last is not None
         assert pursuit.case is not None
         loaded, solved = pursuit.case, pursuit.last[1]
-        coarse = self._known_coarser(level) or pursuit.add_neighbour(solve_neighbour(loaded, solved, level, False))[0]
         fine, self.fine = pursuit.add_neighbour(solve_neighbour(loaded, solved, level, True))
-        self.verdict = verdict_of(coarse, level, fine, max(self.orders.values()))
-        if self.verdict is None:
+        verdict = verdict_of_two(level, fine)
+        if verdict is not None and verdict.error > self.wanted:
+            coarse = self._known_coarser(level) or pursuit.add_neighbour(
+                solve_neighbour(loaded, solved, level, False))[0]
+            verdict = verdict_of(coarse, level, fine, max(self.orders.values()))
+        if verdict is None:
             return Estimate(None, None, None, False, "its neighbours do not tell"), math.inf
-        self.finer, level.estimate, fine.estimate = fine, self.verdict.error, self.verdict.finer_error
+        self.verdict, self.finer = verdict, fine
+        level.estimate, fine.estimate = verdict.error, verdict.finer_error
         if len(level.setting.counts) > 1:
-            self._find_weights(coarse)
-        return self.verdict.estimate, self.verdict.error
+            self._find_weights(level)
+        return verdict.estimate, verdict.error
 
-    def _find_weights(self, coarse: Level) -> None:
-        """Find the influence of each body's mesh on the goal, by the adjoint if there is one."""
+    def _find_weights(self, level: Level) -> None:
+        """Find the influence of each body's mesh on the goal, by the adjoint if there is one, else on a coarser mesh."""
         pursuit, found = self.pursuit, self._parts()
         if found is not None:
             pursuit.weights, pursuit.by_adjoint = found.bodies, True
         elif not pursuit.weights:
             kept = pursuit.last, pursuit.case
-            pursuit.weights = influence_by_body(pursuit, coarse.setting) or {}
+            pursuit.weights = influence_by_body(pursuit, self._coarser(level)) or {}
             pursuit.last, pursuit.case = kept
 
     def _parts(self) -> Weighted | None:
@@ -201,15 +206,19 @@ class Direct:
 
     def _known_coarser(self, level: Level) -> Level | None:
         """Return the level of the mesh half as fine if it is solved already."""
-        counts = {name: n // 2 for name, n in level.setting.counts.items()}
-        found = self.pursuit.known.get(replace(level.setting, counts=counts).name)
+        found = self.pursuit.known.get(self._coarser(level).name)
         return None if found is None or found.answer is None else found
 
-    def _next(self, level: Level, verdict: Verdict, wanted: float) -> tuple[Setting, str]:
+    @staticmethod
+    def _coarser(level: Level) -> Setting:
+        """Return the mesh half as fine."""
+        return replace(level.setting, counts={name: n // 2 for name, n in level.setting.counts.items()})
+
+    def _next(self, level: Level, verdict: Verdict) -> tuple[Setting, str]:
         """Return the mesh predicted to suffice, with unequal elements if these save enough, and why it is tried."""
         assert verdict.estimate.order is not None
         p = min(max(verdict.estimate.order, 1.0), max(self.orders.values()))
-        excess = min(verdict.error / (AIM * wanted), LEAP**p)
+        excess = min(verdict.error / (AIM * self.wanted), LEAP**p)
         factor, counts = excess ** (1.0 / p), {}
         for name, mesh in meshed(self.pursuit.loaded.case, self.types).items():
             unit = mesh.least if mesh.stretches > 1 else 1

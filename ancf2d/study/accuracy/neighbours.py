@@ -1,7 +1,7 @@
-"""Error estimate of a solved mesh from two neighbours: elements twice as long, and elements half as long.
+"""Error estimate of a solved mesh from its neighbours: elements half as long and, if need be, elements twice as long.
 
-In statics both start from the known state, so each costs a model and a few iterations. Three meshes show an order, and
-the finer one shows the error of the middle one: f(h/2) - f(h) = -e (1 - 2^-p), which depends little on the order p.
+In statics both start from the known state, so each costs a model and a few iterations. The finer one shows the error:
+f(h/2) - f(h) = -e (1 - 2^-p), which depends little on the order p. With the coarser one, three meshes show the order.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from .setting import Level
 
 # safety factor of an estimate, and that for values that oscillate about their limit
 SAFETY, SWINGING = 1.25, 2.0
+# order assumed if there is no coarser mesh
+UNSHOWN = 1.0
 # smallest order accepted, and how far an order may exceed that of the type before it counts as accidental
 LEAST, BEYOND = 0.75, 2.0
 # shares of the goal: larger differences from the coarser mesh make oscillating values, or any values, useless
@@ -42,7 +44,7 @@ class Neighbour:
 
 @dataclass
 class Verdict:
-    """The result of three meshes: the estimate, and the relative errors of the middle mesh and of the finest."""
+    """The result of two or three meshes: the estimate, and the relative errors of the middle mesh and of the finest."""
 
     estimate: Estimate
     error: float
@@ -101,7 +103,17 @@ def _summary(loaded: LoadedCase, model: Model, state: Any) -> dict[str, Any]:
     assert goal is not None
     from ..measures import last_summary
 
-    return last_summary(model, [state], goal.reaction is not None, goal_kind(goal) in ("force", "moment"))
+    return last_summary(model, [state], goal.reaction is not None, goal_kind(goal) in ("force", "moment"),
+                        probes=[str(goal.probe)])
+
+
+def verdict_of_two(middle: Level, fine: Level) -> Verdict | None:
+    """Return the verdict of a mesh and a finer one, whatever the order from 1 on, or None if they show no error."""
+    if middle.answer is None or fine.answer is None or middle.kinks:
+        return None
+    size, left = middle.answer.size, -math.expm1(-UNSHOWN * math.log(2.0))
+    error = SAFETY * abs(fine.answer.gap(middle.answer)) / left
+    return Verdict(Estimate(fine.answer.value, error, None, True, ""), error / size, (1.0 - left) * error / size)
 
 
 def verdict_of(coarse: Level, middle: Level, fine: Level, order: float) -> Verdict | None:
