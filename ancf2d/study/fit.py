@@ -20,10 +20,11 @@ from ..errors import CaseError, ComputationError, Problem, many, raise_any
 from ..results import Column, write_tables
 from ..results.target import MARK, replacing
 from .digests import inputs_of
-from .fit_data import Data, check_data, comparable
+from .fit_data import Data, check_data
 from .fit_search import AT_BOUND, SINGULAR, Search
 from .record import Progress
 from .run import prepare, result_header, vocabulary
+from .warmup import objects_frozen
 
 
 @dataclass
@@ -76,6 +77,7 @@ class Fit:
                 "warnings": self.warnings}
 
 
+@objects_frozen()
 def fit(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping[str, float] | None = None,
         starts: int = 1, progress: Progress | None = None,
         done: Callable[[int, float], None] = lambda runs, residual: None) -> Fit:
@@ -89,7 +91,7 @@ def fit(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping
     variables = _variables(loaded, data, bounds, sigma or {})
     scales = np.array([(sigma or {}).get(name, scale)
                        for name, scale in zip(data.names, data.scales(prepare(loaded).extent), strict=True)])
-    problem = Search(comparable(loaded, data), data, variables, bounds, scales, progress or Progress(), done)
+    problem = Search(loaded, data, variables, bounds, scales, progress or Progress(), done)
     best, tried, failures, places = None, [], [], _starts(problem, starts)
     for z0 in places:
         try:
@@ -179,7 +181,8 @@ def _conclude(loaded: LoadedCase, problem: Search, found: Any, start: Sequence[f
     model = np.full(data.values.shape, np.nan)
     model[known] = problem.measured + found.fun * problem.scale
     return Fit(loaded.source.file, loaded.case.title, rows, float(np.sqrt(np.mean(found.fun**2))), data, model,
-               problem.scales, np.sqrt(squares) * problem.scales, correlation, problem.runs, tried, loaded, warnings)
+               problem.scales, np.sqrt(squares) * problem.scales, correlation, math.ceil(problem.runs), tried, loaded,
+               warnings)
 
 
 def write_case(loaded: LoadedCase, values: Mapping[str, float], path: str | os.PathLike[str], how: str,

@@ -6,7 +6,7 @@ import csv
 import io
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -58,6 +58,11 @@ class Data:
         """The interval of which all x are multiples, or 0 if there is none."""
         gap = _gap(self.x)
         return gap if gap > 0.0 and bool(np.all(np.abs(self.x / gap - np.round(self.x / gap)) < 1e-6)) else 0.0
+
+    def early(self, share: float) -> Data:
+        """Return the data up to a share of the places."""
+        rows = self.x <= np.quantile(np.repeat(self.x, self.known.sum(axis=1)), share)
+        return replace(self, x=self.x[rows], values=self.values[rows])
 
     def scales(self, extent: float) -> Array:
         """Return the scales of differences in each column (columns,): its range, or its magnitude if it is constant.
@@ -231,6 +236,8 @@ class DataValues:
     """
 
     all_states = True
+    # derivatives that lead to the minimum, and standard errors, need no more
+    negligible = 1e-4
 
     def __init__(self, data: Data) -> None:
         self.data, self.count = data, int(data.known.sum())

@@ -14,7 +14,7 @@ from ..case.axes import Bounds
 from ..case.numbers import CaseNumber
 from ..elements.shape import Array
 from ..errors import ComputationError
-from .fit_data import Data, DataValues
+from .fit_data import Data, DataValues, comparable
 from .gradient import DifferentiableRun, derivatives_of
 from .record import Progress
 from .run import vocabulary
@@ -56,18 +56,22 @@ class _Secant(NamedTuple):
 
 
 class Search:
-    """Differences between a case and data as a function of z (n,) in [0, 1], positions between the bounds."""
+    """Differences between a case and data as a function of z (n,) in [0, 1], positions between the bounds.
+
+    ``first_part``: only the way to the minimum is sought, not the minimum itself. ``runs``: number of runs, of which
+    those over the first part of the time count in proportion.
+    """
 
     def __init__(self, loaded: LoadedCase, data: Data, variables: list[CaseNumber], bounds: Sequence[Bounds],
-                 scales: Array, progress: Progress, done: Callable[[int, float], None]) -> None:
-        self.loaded, self.data, self.variables, self.bounds = loaded, data, variables, bounds
-        self.function, self.progress, self.done, self.runs = DataValues(data), progress, done, 0
+                 scales: Array, progress: Progress, done: Callable[[int, float], None], first_part: bool = False
+                 ) -> None:
+        self.loaded, self.data, self.variables, self.bounds = comparable(loaded, data), data, variables, bounds
+        self.function, self.progress, self.done, self.runs = DataValues(data), progress, done, 0.0
+        self.first_part = first_part
         # parameters with positive bounds are scaled logarithmically
         self.ratios = [b.low > 0.0 for b in bounds]
         self.scale = np.broadcast_to(scales, data.values.shape)[data.known]
         self.scales, self.measured = scales, data.values[data.known]
-        # which values (m,) count
-        self.counts = np.ones(len(self.measured), dtype=bool)
         # derivatives of solutions over time take several runs: they are updated from step to step
         self.timed = loaded.case.solver.timed
         self.exact = self.function.from_probes and loaded.case.solver.moves
@@ -101,7 +105,7 @@ class Search:
         """Return the case solved at z, each once. Raises CaseError and ComputationError."""
         known = next((one for at, one in self.solved if at == z.tobytes()), None)
         if known is None:
-            self.runs += 1
+            self.runs += 1.0
             known = DifferentiableRun(self.case(z), self.function, replace(self.progress, checks_mesh=False))
             self.solved = [*self.solved[-1:], (z.tobytes(), known)]
         return known
@@ -119,30 +123,37 @@ class Search:
                 raise
             return np.full(len(self.measured), np.inf)
         self.last = found
-        self.done(self.runs, float(np.sqrt(np.mean(found**2))))
+        self.done(math.ceil(self.runs), float(np.sqrt(np.mean(found**2))))
         return found
 
-    def _counted_residuals(self, z: Array) -> Array:
-        """Return the differences (m,) that count.
+    def _residuals_or_renewal(self, z: Array) -> Array:
+        """Return the differences (m,).
 
         Raises _RenewedError if derivatives that were carried far led to a larger sum of squares.
         """
-        f, known, now = np.where(self.counts, self.residuals(z), 0.0), self.secant, self.counts
-        larger = known is not None and self.exact and not f @ f <= known.f[now] @ known.f[now]
-        if known is not None and larger and _distance(known.z, known.computed_at, known.f[now], known.J[now]) > CARRIED:
+        f, known = self.residuals(z), self.secant
+        larger = known is not None and self.exact and not f @ f <= known.f @ known.f
+        if known is not None and larger and _distance(known.z, known.computed_at, known.f, known.J) > CARRIED:
             self.secant = known._replace(J=self._recomputed(known.z, known.f), computed_at=known.z)
             raise _RenewedError
         return f
 
-    def _parts(self) -> list[Array]:
-        """Return which values (m,) count in each part of the search: early ones of a motion first, then all.
+    def _after_first_part(self, z0: Array) -> Array:
+        """Return the place to which the early data of a motion lead from z0, or z0 if there are too few of them.
 
         A vibration that is out of phase by half a period or more hides the way to the minimum; early on it is not yet.
         """
-        x = np.broadcast_to(self.data.x[:, None], self.data.values.shape)[self.data.known]
-        early, whole = x <= np.quantile(x, FIRST_PART), np.ones(len(x), dtype=bool)
-        few = np.count_nonzero(early) < ENOUGH * len(self.variables)
-        return [whole] if few or not self.loaded.case.solver.moves else [early, whole]
+        if self.first_part or not self.loaded.case.solver.moves:
+            return z0
+        data = self.data.early(FIRST_PART)
+        if np.count_nonzero(data.known) < ENOUGH * len(self.variables):
+            return z0
+        share, before = data.x[-1] / self.data.x[-1], self.runs
+        search = Search(self.loaded, data, self.variables, self.bounds, self.scales, self.progress,
+                        lambda runs, residual: self.done(math.ceil(before + share * runs), residual), first_part=True)
+        found = search.minimise(z0).x
+        self.runs += share * search.runs
+        return np.asarray(found)
 
     def jacobian(self, z: Array) -> Array:
         """Return the derivatives (m, n) of the differences by z. Raises ComputationError."""
@@ -162,19 +173,19 @@ class Search:
         They are recomputed if the update misses most of a step, and near the end of the search if they were computed
         far away, since standard errors follow from them. Raises _SettledError at the end.
         """
-        known, J, computed_at, step, now = self.secant, None, z, None, self.counts
+        known, J, computed_at, step = self.secant, None, z, None
         if known is not None and np.array_equal(z, known.z):
             J, computed_at = known.J, known.computed_at
         elif known is not None:
             dz, df = step = z - known.z, f - known.f
             off = df - known.J @ dz
-            if np.linalg.norm(off[now]) < BENT * np.linalg.norm(df[now]):
+            if np.linalg.norm(off) < BENT * np.linalg.norm(df):
                 J, computed_at = known.J + np.outer(off, dz) / float(dz @ dz), known.computed_at
-        ends = now.all()
-        if J is None or (ends and _offset(z, f, J) < CLOSE and _distance(z, computed_at, f, J) > CARRIED):
+        near = not self.first_part and J is not None and _offset(z, f, J) < CLOSE
+        if J is None or (near and _distance(z, computed_at, f, J) > CARRIED):
             J, computed_at = self._recomputed(z, f, step), z
         self.secant = _Secant(z, f, J, computed_at)
-        if _offset(z, f[now], J[now]) < (SETTLED if ends else NEAR):
+        if _offset(z, f, J) < (NEAR if self.first_part else SETTLED):
             raise _SettledError
         return J
 
@@ -185,7 +196,7 @@ class Search:
             self.exact = False
             return self._differences(z, f, step)
         # the motion is computed once more, together with its derivatives
-        self.runs += 1
+        self.runs += 1.0
         return found * self.rates(z) / self.scale[:, None]
 
     def _differences(self, z: Array, f: Array, step: tuple[Array, Array] | None = None) -> Array:
@@ -214,22 +225,20 @@ class Search:
         from scipy.optimize import OptimizeResult, least_squares
 
         self.last, self.secant, self.solved, found = None, None, [], None
-        for part in self._parts():
-            self.counts, found = part, None
-            while found is None:
-                try:
-                    found = least_squares(
-                        self._counted_residuals, z0, lambda z: self.jacobian(z) * self.counts[:, None], (0.0, 1.0),
-                        method="trf", x_scale="jac", ftol=TOLERANCE_OF_RUNS if self.timed else TOLERANCE,
-                        xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=None if self.counts.all() else FIRST_STEPS)
-                    if self.timed and self.counts.all():
-                        found.jac = self._recomputed(found.x, found.fun)
-                except (_RenewedError, _SettledError) as why:
-                    assert self.secant is not None
-                    z0, f, J, _ = self.secant
-                    if isinstance(why, _SettledError):
-                        found = OptimizeResult(x=z0, fun=f, jac=J, cost=0.5 * float(f @ f), success=True, message="")
-            z0 = found.x
+        z0 = self._after_first_part(z0)
+        while found is None:
+            try:
+                found = least_squares(
+                    self._residuals_or_renewal, z0, self.jacobian, (0.0, 1.0), method="trf", x_scale="jac",
+                    ftol=TOLERANCE_OF_RUNS if self.timed else TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE,
+                    max_nfev=FIRST_STEPS if self.first_part else None)
+                if self.timed and not self.first_part:
+                    found.jac = self._recomputed(found.x, found.fun)
+            except (_RenewedError, _SettledError) as why:
+                assert self.secant is not None
+                z0, f, J, _ = self.secant
+                if isinstance(why, _SettledError):
+                    found = OptimizeResult(x=z0, fun=f, jac=J, cost=0.5 * float(f @ f), success=True, message="")
         return found
 
 

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem, raise_any
 from ..model.model import Model
 from ..results.geometry import mises
-from ..solvers.derivatives.readings import Term
+from ..solvers.derivatives.readings import CLOSE, Term
 from ..solvers.fields import FIELDS, FieldReader, field_problems
 from .extremes import MOST, Evaluated, Extreme, Measure, Part, names_of, near, slopes_of, value_of
 from .run import describe_goal, quantity
@@ -126,6 +126,8 @@ class Measures:
     each such extreme, are chosen at the first call; for motions, such that there are at most ``numbers`` values to
     differentiate.
     """
+
+    negligible = CLOSE
 
     def __init__(self, measures: Sequence[Measure], goal: Goal | None, with_rows: Sequence[bool] = (), numbers: int = 0
                  ) -> None:
@@ -299,6 +301,7 @@ class GoalValues:
     """The values of goals at the end of a run, as a function of model and states."""
 
     goals: tuple[Goal, ...]
+    negligible: ClassVar[float] = CLOSE
 
     @property
     def all_states(self) -> bool:
@@ -346,9 +349,11 @@ class GoalValues:
 
 
 def probes_alike(one: Model, other: Model, names: Iterable[str]) -> bool:
-    """Return whether the named probes are at the same places of the same bodies in two models."""
+    """Return whether positions and rotations of the named probes are the same functions of coordinates in two models.
+    """
     sides = [(one.case.output.probes[name], other.case.output.probes[name]) for name in names]
-    return all(a == b and one.meshes[a.at.body] is other.meshes[b.at.body] for a, b in sides)
+    # meshes that share these have the same elements at the same places
+    return all(a == b and one.meshes[a.at.body].e0 is other.meshes[b.at.body].e0 for a, b in sides)
 
 
 def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, forces: bool = False,

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import gc
 import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,22 +22,10 @@ from .samples import Design
 from .sweep_runs import Job, solve_job, stored_summary, summary_of_lost
 from .sweep_table import RUNS, Ledger, Row, Sweep, outcome_of
 from .variants import count_of, flexible
-from .warmup import kernels_of, warm_up
+from .warmup import kernels_of, objects_frozen, warm_up
 
 
-@contextmanager
-def _settled() -> Iterator[None]:
-    """Collect no garbage among the objects that exist already: looking through them takes a tenth of a small row."""
-    before = gc.get_freeze_count()
-    gc.freeze()
-    try:
-        yield
-    finally:
-        if before == 0:
-            gc.unfreeze()
-
-
-@_settled()
+@objects_frozen()
 def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, workers: Workers, command: str = "",
          force: bool = False, *, paired: bool = False, samples: Design | None = None, keep: bool = False) -> Sweep:
     """Return the sweep of a case file over some axes, with nothing computed yet; results go to ``folder``.
@@ -136,7 +122,7 @@ def run_sweep(sweep: Sweep, workers: Workers, compiling: Callable[[str], None] =
             ledger.close(sweep)
 
 
-@_settled()
+@objects_frozen()
 def _run(sweep: Sweep, ledger: Ledger, workers: Workers, compiling: Callable[[str], None], done: Done) -> None:
     needed: dict[str, tuple[Job, list[Row]]] = {}
     for row, job in zip(sweep.rows, sweep.jobs, strict=True):

@@ -101,6 +101,18 @@ def _seldom_collected() -> Iterator[None]:
         gc.set_threshold(*before)
 
 
+@contextmanager
+def objects_frozen() -> Iterator[None]:
+    """Collect no garbage among the objects that exist already: looking through them takes a tenth of small runs."""
+    before = gc.get_freeze_count()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        if before == 0:
+            gc.unfreeze()
+
+
 def kernels_of(data: dict[str, Any]) -> str:
     """Return a name for the kernels that a case, as plain data, needs: its words select them, its numbers do not."""
     return hashlib.sha256(json.dumps(_words(data)).encode()).hexdigest()[:16]

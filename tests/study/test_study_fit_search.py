@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import ancf2d
+from ancf2d.solvers.derivatives.readings import CLOSE
 from ancf2d.study.fit_data import DataValues, comparable, data_of
 from ancf2d.study.fit_search import Search
 from ancf2d.study.gradient import gradient
@@ -34,7 +35,7 @@ def test_five_numbers_of_a_motion_in_few_runs(name: str) -> None:
         added = np.array([noise[column] for column in found.data.names]).T
         beside = np.sum((off / found.scales)**2) / np.sum((added / found.scales)**2)
         assert 1.0 - 4.0 * 5.0 / off.size < beside < 1.0
-        assert found.runs <= (15 if few else 18)
+        assert found.runs <= 15
 
 
 @pytest.mark.slow_rows("adaptive", "at states")
@@ -53,16 +54,21 @@ def test_values_of_motions_are_sums_of_changes_of_states(solver: str, x: np.ndar
                        "sine, scale: 0.01, frequency: 2}}").replace("dt: 4.0e-3, method: generalized_alpha", solver)
     text = text.replace("t_end: 0.6", "t_end: 0.06")
     data = data_of({"t": x, **{f"{p}.{q}": 0.0 * x for p, q in zip(("tip", "mid", "third"), quantities, strict=True)}})
-    case, read = comparable(ancf2d.load(text), data), DataValues(data)
+    case, read, precise = comparable(ancf2d.load(text), data), DataValues(data), DataValues(data)
+    precise.negligible = CLOSE
     paths = ("masses.tip.mass", "bodies.arm.geometry.end.0", "boundary_conditions.hub.y.scale")
 
     def plain(model: Any, states: Any) -> np.ndarray:
         return read(model, states)
     assert read.from_probes
-    (value, J), (same, by_states) = gradient(case, read, paths), gradient(case, plain, paths)
+    (value, J), (same, by_states) = gradient(case, precise, paths), gradient(case, plain, paths)
     np.testing.assert_array_equal(value, same)
+    enough = gradient(case, read, paths)[1]
     for k in range(len(paths)):
-        np.testing.assert_allclose(J[:, k], by_states[:, k], atol=1e-6 * np.abs(by_states[:, k]).max())
+        size = np.abs(by_states[:, k]).max()
+        np.testing.assert_allclose(J[:, k], by_states[:, k], atol=1e-6 * size)
+        # those of a fit need not be as exact
+        np.testing.assert_allclose(enough[:, k], by_states[:, k], atol=read.negligible * size)
 
 
 def test_a_step_takes_the_place_of_a_difference(monkeypatch: pytest.MonkeyPatch) -> None:

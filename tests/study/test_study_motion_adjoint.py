@@ -9,7 +9,7 @@ from test_study_motion_gradient import SCENE, solved
 
 import ancf2d
 from ancf2d.case.numbers import numbers_at
-from ancf2d.solvers.derivatives import backwards, linear_steps, motion_states
+from ancf2d.solvers.derivatives import backwards, linear_steps, motion, motion_states
 from ancf2d.solvers.motion import methods, stepping
 from ancf2d.solvers.post import Observer
 from ancf2d.solvers.state import State
@@ -64,7 +64,7 @@ def test_both_ways_are_those_of_the_same_steps(name, monkeypatch, tmp_path):
     """
     # corrections of the motion forwards go on to round-off, too
     monkeypatch.setattr(motion_states, "ENOUGH", 1e-13)
-    monkeypatch.setattr(motion_states, "CLOSE", 1e-12)
+    monkeypatch.setattr(motion, "CLOSE", 1e-12)
     method, held, paths = MOTIONS[name]
     loaded = scene(tmp_path, method, held, SHORT)
     read = GoalValues((loaded.case.goal,))

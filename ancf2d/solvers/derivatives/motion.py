@@ -16,7 +16,7 @@ from ..motion.dynamic import Run
 from ..state import Row, State
 from .differences import SHORTER, SMOOTH, TRIES, Quotient, UnsuitedError
 from .motion_states import NEWTON, OF_FORCES, MotionWithDerivatives, lengths_of, lower_order_error
-from .readings import Goals, Readings
+from .readings import CLOSE, Goals, Readings
 from .varied_motions import ModelAt, Together, VariedNumber
 
 # if differences of lower order are this close, relative to the largest change, the motion is not repeated: the error is
@@ -47,6 +47,7 @@ class Motion(Together):
         # shared by all attempts: tolerances not yet excluded, and varied models by number and step
         self.tolerances, self.varied = list(NEWTON), dict[tuple[ModelAt, float], VariedNumber | Exception]()
         self.run = Run(model, self.spec)
+        self.negligible = CLOSE if goals is None else goals.negligible
         self.readings: Readings | None = None
         if goals is not None:
             self.readings = Readings(model, goals, states if all_states else states[-1:],
@@ -55,14 +56,14 @@ class Motion(Together):
     def find(self, numbers: Sequence[tuple[ModelAt, float]]) -> None:
         """Find the derivatives by several numbers at once, with shorter steps of the differences where necessary.
 
-        The first steps of the motion usually suffice to choose these.
+        The first steps of the motion usually suffice to choose these, and no choice is made if little is needed.
         """
-        todo = list(numbers)
-        for k in range(2 * TRIES - 1):
+        todo, precise = list(numbers), self.negligible <= CLOSE
+        for k in range(0 if precise else TRIES - 1, 2 * TRIES - 1):
             if not todo:
                 break
             first = k < TRIES - 1
-            enough = SMOOTH if first else SMOOTH_ENOUGH
+            enough = SMOOTH if first else max(SMOOTH_ENOUGH, self.negligible**0.5)
             shares = self._shares(todo) if first else self._once(todo)
             shorter = [(at, h * SHORTER) if share > enough else (at, h)
                        for (at, h), share in zip(todo, shares, strict=True)]
@@ -91,7 +92,7 @@ class Motion(Together):
         while True:
             last = len(self.tolerances) == 1
             motion = MotionWithDerivatives(self.model, self.spec, self.all_states, self.tolerances[0],
-                                           None if last else self.lengths)
+                                           None if last else self.lengths, self.negligible)
             numbers, refused = self._numbers(todo)
             try:
                 if not numbers or motion.make(list(numbers.values()), steps):

@@ -41,8 +41,8 @@ SAME = 1e-6
 WINDOW = 1 << 21
 # relative to the scene: displacement over which tangents are checked along a change
 TRIED = 5e-6
-# relative correction of a change that is negligible, and the largest number of corrections
-CLOSE, CORRECTIONS = 1e-9, 12
+# largest number of corrections of changes
+CORRECTIONS = 12
 # relative correction above which they have not converged
 LOOSE = 1e-6
 # changes over a number's step that are round-off, relative to the scene, and to accelerations and multipliers
@@ -187,12 +187,15 @@ def lengths_of(states: Iterable[State]) -> list[float]:
 
 
 class MotionWithDerivatives(RepeatedMotion):
-    """A motion repeated with the derivatives of its states. Raises UnsuitedError."""
+    """A motion repeated with the derivatives of its states, up to ``negligible`` relative errors.
+
+    Raises UnsuitedError.
+    """
 
     def __init__(self, model: Model, spec: Dynamic, all_states: bool, tolerance: float,
-                 lengths: list[float] | None) -> None:
+                 lengths: list[float] | None, negligible: float) -> None:
         super().__init__(model, spec, tolerance, lengths)
-        self.all_states = all_states
+        self.all_states, self.negligible = all_states, negligible
         # a second motion of the same model, for differences across breaks
         self.other: Stepper | None = None
         self.rows: list[Row] = []
@@ -311,9 +314,10 @@ class MotionWithDerivatives(RepeatedMotion):
         defect = (dR[:, :, own] @ factors + J)[:, :, None]
         more, _ = equations.follow(defect, Change.none(self.entries.n, 1))
         left = self._share(at, Stages(stages.t, z, v, a), more, 0, size, float(factors @ self._per_step))
-        if left <= ENOUGH:
+        enough = left <= max(ENOUGH, self.negligible)
+        if enough:
             self.equation_error = np.maximum(self.equation_error, left)
-        return left <= ENOUGH
+        return enough
 
     def _correct(self, equations: Equations, at: Record, dR: Array, course: Course) -> None:
         """Correct changes until the residuals are stationary along them, as Newton's tangents are not all exact."""
@@ -341,13 +345,13 @@ class MotionWithDerivatives(RepeatedMotion):
             # assume that each correction reduces the error by the same ratio
             left = shares * shares / before[some]
             before[some], last[some] = shares, left
-            going = (left > CLOSE) & (shares < worst[some])
+            going = (left > self.negligible) & (shares < worst[some])
             worst[some] = 0.5 * shares
             some = some[going]
             if not len(some):
                 break
         self.equation_error = np.maximum(self.equation_error, last)
-        if (last > LOOSE).any():
+        if (last > max(LOOSE, self.negligible)).any():
             raise UnsuitedError("the tangents of the steps do not determine their derivatives")
 
     @property

@@ -24,15 +24,24 @@ from .varied_motions import VariedNumber
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
+# relative error of derivatives that is negligible for most purposes
+CLOSE = 1e-9
+
 # number of the value and of the state, probe and quantity, and the derivative of the value by the quantity
 Term = tuple[int, int, str, str, float]
 
 
 class Goals(Protocol):
-    """Numbers that follow from probes of states, of the last state only unless ``all_states``."""
+    """Numbers that follow from probes of states, of the last state only unless ``all_states``.
+
+    Relative errors of their derivatives below ``negligible`` do not matter.
+    """
 
     @property
     def all_states(self) -> bool: ...
+
+    @property
+    def negligible(self) -> float: ...
 
     @property
     def count(self) -> int:

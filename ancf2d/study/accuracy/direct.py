@@ -187,7 +187,7 @@ class Direct:
         return verdict.estimate, verdict.error
 
     def _find_weights(self, level: Level) -> None:
-        """Find the influence of each body's mesh on the goal, by the adjoint if there is one, else on a coarser mesh."""
+        """Find the influence of each body's mesh on the goal: by the adjoint if there is one, or on a coarser mesh."""
         pursuit, found = self.pursuit, self._parts()
         if found is not None:
             pursuit.weights, pursuit.by_adjoint = found.bodies, True
