@@ -38,7 +38,7 @@ WARN_ABOVE_BUCKLING = 0.04
 # the same for the mean unresolved energy of a motion, relative to its largest energy; positions then err by 1 % or more
 UNFOLLOWED = 1e-3
 # number of states of a motion that are checked
-LOOKS = 20
+LOOKS = 10
 # largest number of elements that are checked, as a sample, and the least number for each body
 MOST, LEAST = 5_000, 100
 # models with more bodies and more elements than these are not checked, which would take seconds
