@@ -20,6 +20,7 @@ from ...elements.shape import Array
 from ...errors import many
 from ...model.curve import stretches
 from ..order import Estimate
+from ..run import Solve
 from ..variants import Variant, described
 from .mesh import influence_by_body
 from .neighbours import Neighbour, Verdict, solve_neighbour, verdict_of, verdict_of_two
@@ -106,7 +107,8 @@ class Direct:
                 return level, verdict.error, verdict.estimate
             if verdict.finer_error <= self.wanted and self.finer is not None:
                 self.pursuit.tell(f"{many(self.finer.setting.elements, 'element')}: the result")
-                finer = self.pursuit.resolve_as_result(self.finer, _always(verdict.estimate, verdict.finer_error))
+                finer = self.pursuit.resolve_as_result(self.finer, _always(verdict.estimate, verdict.finer_error),
+                                                       self._known_states())
                 return None if finer.answer is None else (finer, verdict.finer_error, verdict.estimate)
             if verdict.estimate.order is None or 4 * level.work > MOST_WORK:
                 return None
@@ -132,6 +134,11 @@ class Direct:
         if sum(fewer.values()) > 0.25 * LEAP * level.setting.elements:
             return None
         return Setting(fewer, self.types, None, nodes), "elements as the error of each asks for"
+
+    def _known_states(self) -> Solve | None:
+        """Return a function that gives the states of the finer mesh, or None if load steps have to be solved."""
+        fine = self.fine
+        return None if fine is None or self.pursuit.loaded.case.solver.takes_guess else lambda model: iter(fine.states)
 
     def applies(self) -> bool:
         """Return whether meshes can be judged by neighbours: values are numbers, and no kink moves through elements."""

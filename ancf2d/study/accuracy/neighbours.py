@@ -35,11 +35,16 @@ DOUBTFUL, UNCONFIRMED = 2.0, 3.0
 
 @dataclass
 class Neighbour:
-    """A neighbour of a solved mesh: its case, model and last state."""
+    """A neighbour of a solved mesh: its case, model and states; with load steps only the last one."""
 
     loaded: LoadedCase
     model: Model
-    state: Any
+    states: list[Any]
+
+    @property
+    def state(self) -> Any:
+        """The last state."""
+        return self.states[-1]
 
 
 @dataclass
@@ -77,25 +82,25 @@ def solve_neighbour(loaded: LoadedCase, solved: Solved, level: Level, finer: boo
         # with an accuracy set, the solver does not check whether the mesh is fine enough
         case = replace(case, case=replace(case.case, accuracy=case.case.accuracy or 1.0))
         model = build_model(case)
-        state = _solved(model, solved)
-        value = None if state is None else quantity(loaded.case.goal, _summary(loaded, model, state))
+        states = _solved(model, solved)
+        value = quantity(loaded.case.goal, _summary(loaded, model, states[-1])) if states else None
     except (Ancf2dError, MemoryError) as error:
         other.reason = str(error)
         return other, None
     other.wall_s, other.dofs = time.perf_counter() - began, model.n_q
-    if state is None or value is None or level.answer is None:
+    if value is None or level.answer is None:
         return other, None
-    other.iterations = int(state.history.get("iterations", 1))
+    other.iterations = int(states[-1].history.get("iterations", 1))
     other.answer = GoalValue(value, level.answer.size, None, level.answer.smallest, period=level.answer.period)
-    return other, Neighbour(case, model, state)
+    return other, Neighbour(case, model, states)
 
 
-def _solved(model: Model, solved: Solved) -> Any:
-    """Return the last state of a model, starting from the state of another mesh if the solver accepts a start."""
+def _solved(model: Model, solved: Solved) -> list[Any]:
+    """Return the states of a model, starting from the state of another mesh if the solver accepts a start."""
     if not model.case.solver.takes_guess:
-        return list(solve(model))[-1]
+        return list(solve(model))
     start = solved.start_on(model)
-    return None if start is None else list(solve(model, start))[-1]
+    return [] if start is None else list(solve(model, start))
 
 
 def _summary(loaded: LoadedCase, model: Model, state: Any) -> dict[str, Any]:

@@ -91,9 +91,9 @@ class Pursuit:
         """Return the level of a setting, solved with all its load steps and written as the preliminary result."""
         return self.resolve_as_result(self.known.get(setting.name) or self.new_level(setting, why), estimate_of)
 
-    def resolve_as_result(self, level: Level, estimate_of: EstimateOf) -> Level:
-        """Solve a level with all its load steps and write it as the preliminary result."""
-        self._run(level, estimate_of)
+    def resolve_as_result(self, level: Level, estimate_of: EstimateOf, how: Solve | None = None) -> Level:
+        """Solve a level with all its load steps, or as ``how`` says, and write it as the preliminary result."""
+        self._run(level, estimate_of, how)
         return level
 
     def add_neighbour(self, found: tuple[Level, Any]) -> tuple[Level, Any]:
