@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 from ..errors import Problem
@@ -32,6 +32,15 @@ class _Invalid:
 INVALID: Any = _Invalid()
 
 
+class Issue(NamedTuple):
+    """A problem that a record finds in itself: ``key`` is a path below the record, empty for the record as a whole."""
+
+    key: Path
+    message: str
+    expected: str = ""
+    near: str = ""
+
+
 @record
 class Vocabulary:
     """The names that a case may use, from the registries; empty leaves them unchecked."""
@@ -41,15 +50,8 @@ class Vocabulary:
     nodal_coordinates: tuple[str, ...] = ()
     integrators: tuple[str, ...] = ()
     output_fields: tuple[str, ...] = ()
-
-
-class Issue(NamedTuple):
-    """A problem that a record finds in itself: ``key`` is a path below the record, empty for the record as a whole."""
-
-    key: Path
-    message: str
-    expected: str = ""
-    near: str = ""
+    # problems of a draft of an element definition, whose invalid values are INVALID
+    element_issues: Callable[[Any], Iterable[Issue]] = lambda draft: ()
 
 
 class KnownRecords:

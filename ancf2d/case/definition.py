@@ -8,12 +8,12 @@ from itertools import pairwise
 from typing import Any
 
 from ..errors import CaseError, Problem, raise_any
-from .binder import Binder, Issue, Vocabulary
+from .binder import INVALID, Binder, Issue, Vocabulary
 from .compose import compose, read_text
 from .declare import key, record
 from .kinds import Known, ListOf, Name, Number, Text
 from .nodes import MapNode, Origin, Source, line_breaks
-from .records import Record, bind_record
+from .records import Record, bind_record, mark_below
 from .schema.body import QUADRATURE, SHEAR_FACTOR
 
 
@@ -38,7 +38,7 @@ class DefinitionNode:
 class ElementDefinition:
     """An element type described in a file."""
 
-    name: str = key(Name(), "Name of the element", example="mine")
+    name: str = key(Name("text"), "Name of the element", example="mine")
     basis: tuple[str, ...] = key(
         ListOf(Text("a polynomial in x and y", number=True), "polynomials in x and y", 1),
         "Polynomial basis", example=["1", "x", "y", "x*y", "x^2 + nu*y^2", "x^3"])
@@ -54,22 +54,32 @@ class ElementDefinition:
     lobatto: float = key(Number("", ge=0, le=1), "Fraction of the mass that is integrated with Gauss-Lobatto points "
                          "along the axis", default=0.0, example=0.8)
 
-    def check(self) -> Iterator[Issue]:
-        """Yield an issue for each node that is out of order, and each basis function that is given twice."""
-        for i, (a, b) in enumerate(pairwise(self.nodes)):
-            if not a.at < b.at:
-                yield Issue(("nodes", i + 1, "at"), f"nodes.{i + 1}.at must be > {a.at:g}, the position of the "
-                            f"previous node, got {b.at:g}")
-        for i, text in enumerate(self.basis):
-            if text in self.basis[:i]:
-                yield Issue(("basis", i), f"basis: '{text}' is given twice")
+
+def _issues(draft: ElementDefinition) -> Iterator[Issue]:
+    """Yield an issue for each node that is out of order, and each basis function that is given twice.
+
+    Invalid values, which were reported before, are skipped.
+    """
+    for i, (a, b) in enumerate(pairwise(draft.nodes or ())):
+        if valid_node(a) and valid_node(b) and not a.at < b.at:
+            yield Issue(("nodes", i + 1, "at"), f"nodes.{i + 1}.at must be > {a.at:g}, the position of the "
+                        f"previous node, got {b.at:g}")
+    basis = draft.basis or ()
+    for i, text in enumerate(basis):
+        if text is not INVALID and text in basis[:i]:
+            yield Issue(("basis", i), f"basis: '{text}' is given twice")
+
+
+def valid_node(node: Any) -> bool:
+    """Return whether a node of a draft has a valid position and valid coordinates."""
+    return isinstance(node, DefinitionNode) and INVALID not in (node.at, node.coordinates, *(node.coordinates or ()))
 
 
 def load_definition(path: str | os.PathLike[str],
                     vocabulary: Vocabulary | None = None) -> ElementDefinition:
     """Return the element that a file defines. Raises CaseError with all problems of the file.
 
-    The polynomials stay text; ``elements`` parses them.
+    The polynomials stay text; ``elements`` parses them, and the vocabulary checks them.
     """
     return read_definition(path, vocabulary)[0]
 
@@ -89,5 +99,7 @@ def read_definition(path: str | os.PathLike[str], vocabulary: Vocabulary | None 
                                             expected="a mapping {name, basis, nodes, ...}"))
     binder = Binder(vocabulary, problems)
     definition = bind_record(ElementDefinition, root, (), binder)
+    for issue in (*_issues(definition), *binder.vocabulary.element_issues(definition)):
+        binder.fail(mark_below(root, issue.key, ()), issue.key, issue.message, issue.expected)
     raise_any(problems)
     return definition, Source(name, text, root)

@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from .binder import Binder, Path, dotted, listed
-from .kinds import Book, JsonSchema, Kind, ListOf, MapOf
+from .kinds import Book, Choice, JsonSchema, Kind, ListOf, MapOf
 from .nodes import Broken, Entry, MapNode, Mark, Node, Scalar, quoted
 
 _REQUIRED: Any = dataclasses.MISSING
@@ -212,6 +212,11 @@ class ByShape(Kind):
         kind = self.kinds.get(node.shape)
         if kind is None:
             return binder.wrong(node, path, self.words(binder))
+        names = kind.names(binder) if isinstance(kind, Choice) else ()
+        if names and isinstance(node, Scalar) and node.text not in names:
+            others = [other.words(binder) for other in self.kinds.values() if other is not kind]
+            return binder.unknown(node.mark, path, quoted(node.text), [*others, *names],
+                                  binder.nearest(node.text, names))
         return kind.bind(node, path, binder)
 
     def schema(self, book: Book) -> JsonSchema:

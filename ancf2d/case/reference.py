@@ -41,8 +41,9 @@ of mass is force time^2/length. In mm, N and s, which suit small parts, it is th
 | moment | 1 N m | 1000 N mm |
 | mass, moment of inertia | 1 kg, 1 kg m^2 | 1e-3 t, 1e3 t mm^2 |
 
-`ancf2d validate` and `run` warn about a density or modulus that no material has in the labelled units, gravity that
-differs from that of the earth by a power of 1000, and a yield stress that no material with this modulus has.
+`ancf2d validate` and `run` warn about a density or modulus that no material has in the labelled units, a modulus that
+seems to be in MPa or GPa, gravity that differs from that of the earth by a power of 1000, and a yield stress that no
+material with this modulus has.
 """}
 SCHEMA_FILE = "ancf2d.schema.json"
 

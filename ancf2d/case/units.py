@@ -60,8 +60,25 @@ _DENSITIES = 0.1, 23e3
 _STIFFEST, _FASTEST = 2e12, 3e4
 # a softer material [Pa] may belong to a dimensionless model, which cannot be checked
 _SOFTEST = 1e5
+# solids as dense as this [kg/m^3] (metals, minerals, carbon fibres) have moduli [Pa] and wave speeds [m/s] in these
+# ranges, unlike gels and rubbers, whose waves are as slow as those of steel with E in MPa
+_DENSE, _STIFF, _WAVES = 1600.0, (1e10, 1.2e12), (1e3, 1e4)
+_PREFIXES = {"MPa": 1e6, "GPa": 1e9}
 _EARTH = 9.81
 _STEEL = {"density": 7850.0, "modulus": 2.07e11}
+
+
+def _misread(rho: float, E: float, unit: float) -> str | None:
+    """Return MPa or GPa if E [Pa] is implausibly small for a solid of density rho [kg/m^3], and plausible in that unit.
+
+    ``unit`` is the unit of stress of the case [Pa].
+    """
+    for prefix, pascals in _PREFIXES.items():
+        meant = E * pascals / unit
+        if pascals > unit and rho >= _DENSE and _STIFF[0] <= meant <= _STIFF[1] and (
+                _WAVES[0] <= math.sqrt(meant / rho) <= _WAVES[1]):
+            return prefix
+    return None
 
 
 def unit_warnings(case: Any) -> list[str]:
@@ -76,6 +93,10 @@ def unit_warnings(case: Any) -> list[str]:
         if m is None or not isinstance(m.E, float) or not isinstance(m.rho, float):
             continue
         rho, E = m.rho * F * T**2 / L**4, m.E * F / L**2
+        if (meant := _misread(rho, E, F / L**2)) is not None:
+            out.append(f"bodies.{name}.material.E: {m.E:g} looks like a modulus in {meant}: with rho: {m.rho:g} in "
+                       f"{units}, waves would travel at {math.sqrt(E / rho):.3g} m/s. In these units, E of steel is "
+                       f"{_STEEL['modulus'] * L**2 / F:.3g}. Correct the number, or give its units under 'units'")
         known = _DENSITIES[0] <= rho <= _DENSITIES[1] and E <= _STIFFEST and E / rho <= _FASTEST**2
         if known or E < _SOFTEST:
             continue

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 @click.option("--minimise", required=True, metavar="EXPRESSION",
               help="Objective: an expression in goal, mass, strain_energy, parameters, PROBE.QUANTITY and SUPPORT.fx, "
               "fy or m (of the last state), and in max(...) and min(...) of such an expression over all states, or of "
-              "a field over all bodies, e.g. max(stress).")
+              "a field over all bodies, e.g. max(abs(M)).")
 @click.option("--subject-to", "constraints", multiple=True, metavar='"EXPRESSION <= C"',
               help="A constraint on such expressions, with <=, >= or ==. May be given several times.")
 @click.option("--method", type=click.Choice(["slsqp", "trust-constr"]), default="slsqp", show_default=True,

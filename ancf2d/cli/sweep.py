@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
     from ..study.sweep_table import Row, Sweep
 
 SAMPLES = 128
+# a number in a message, but not in a name or path
+_NUMBER = re.compile(r"(?<![\w.@-])[-+]?\d+(\.\d+)?(e[-+]?\d+)?(?![\w@])")
 # greatest number of rows shown for samples
 SHOWN = 10
 
@@ -147,8 +151,8 @@ def _part(session: Session, sweep: Sweep) -> None:
 
 
 def _report_result(session: Session, sweep: Sweep, csv_file: str | None) -> int:
-    for text, count in Counter(text for row in sweep.rows for text in row.warnings).items():
-        session.warn(text if count == 1 else f"{text} ({count} rows)")
+    for text in alike(text for row in sweep.rows for text in row.warnings):
+        session.warn(text)
     session.print_json(sweep.as_json())
     session.out(report(sweep))
     if csv_file is not None:
@@ -159,6 +163,19 @@ def _report_result(session: Session, sweep: Sweep, csv_file: str | None) -> int:
             + " and ".join(f"{count} {status}" for status, count in bad.items()), err=True)
         return FAILED
     return 0
+
+
+def alike(warnings: Iterable[str]) -> list[str]:
+    """Return the warnings of many rows, each once with the number of its rows; if only numbers differ, the first."""
+    found: dict[str, Counter[str]] = {}
+    for text in warnings:
+        found.setdefault(_NUMBER.sub("#", text), Counter())[text] += 1
+    out = []
+    for texts in found.values():
+        other = ", with other numbers" if len(texts) > 1 else ""
+        first, count = next(iter(texts)), texts.total()
+        out.append(first if count == 1 else f"{first} ({count} rows{other})")
+    return out
 
 
 def report(sweep: Sweep) -> str:

@@ -158,6 +158,12 @@ class ContactPair:
             out.set_back(self.setback)
         return out
 
+    def overlap(self, d: Array) -> tuple[float, float]:
+        """Return the greatest depth of a spot in the obstacle at displacements d (n_full,) and t = 0, and its S."""
+        gaps = self.gaps(d, 0.0)
+        k = int(np.argmin(gaps))
+        return -float(gaps[k]), float(self.s[k])
+
     def set_back(self, setback: float) -> None:
         """Move the surface of a smooth obstacle this distance [m] away from the bodies."""
         shape = self.obstacle.shape(setback)

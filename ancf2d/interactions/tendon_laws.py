@@ -174,13 +174,13 @@ def pull_over_step(p0, u0, u1, size, T, f):  # type: ignore[no-untyped-def]
 
 
 def taut(p0, u, a, par, size):  # type: ignore[no-untyped-def]
-    """Return energy, tension, dT/dl and dU/dl0 of an elastic tendon; par: EA, length in the reference, slack."""
+    """Return energy, tension and dT/dl of an elastic tendon; par: EA, length in the reference, slack."""
     l0 = par[1] + a * par[2]
     stretch = stretch_of(p0, u, size) - a * par[2]
     if stretch < 0.0:
-        return 0.0, 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0
     T = par[0] * stretch / l0
-    return 0.5 * T * stretch, T, par[0] / l0, -T * (1.0 + 0.5 * stretch / l0)
+    return 0.5 * T * stretch, T, par[0] / l0
 
 
 def tension(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
@@ -196,24 +196,27 @@ def tension_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped
 
 
 def elastic(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """T = EA (l - l0)/l0, or 0 if slack; winding adds energy. par: as for ``taut``, number of fields of a piece."""
-    energy, T, k, by_l0 = taut(p0, u, a[0], par, int(par[3]))
+    """T = EA (l - l0)/l0, or 0 if slack. par: as for ``taut``, number of fields of a piece.
+
+    Winding changes the energy at the same length: it does work, and nothing is lost.
+    """
+    energy, T, k = taut(p0, u, a[0], par, int(par[3]))
     if k > 0.0:
         pull(p0, u, int(par[3]), T, k, f, H, C[0])
-    return energy, -by_l0 * par[2] * a[1]
+    return energy, 0.0
 
 
 def elastic_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
     """Forces of the tension whose work in a step is the change of energy at the mean unstretched length."""
     a, size = 0.5 * (a0[0] + a1[0]), int(par[3])
-    before, T0, _, by0 = taut(p0, u0, a, par, size)
-    after, T1, _, by1 = taut(p0, u1, a, par, size)
+    before, T0, _ = taut(p0, u0, a, par, size)
+    after, T1, _ = taut(p0, u1, a, par, size)
     T = 0.5 * (T0 + T1)
     if T > 0.0 and (T0 == 0.0 or T1 == 0.0):
         T = (after - before) / (stretch_of(p0, u1, size) - stretch_of(p0, u0, size))
     if T > 0.0:
         pull_over_step(p0, u0, u1, size, T, f)
-    return taut(p0, u1, a1[0], par, size)[0], -0.5 * (by0 + by1) * par[2] * 0.5 * (a0[1] + a1[1])
+    return taut(p0, u1, a1[0], par, size)[0], 0.0
 
 
 TENSION = PointLaw("tension", tension, tension_mean)

@@ -73,13 +73,13 @@ class ElasticTendon(PointPatch):
 
     def tension_slope(self, d: Array) -> float:
         """Return the derivative of the tension [N] by the amplitude, at displacements d (n_q,) and amplitude 0."""
-        _, T, k, _ = taut(self.p0, self.G @ d[self.dofs[0]], 0.0, self.par, int(self.par[3]))
+        _, T, k = taut(self.p0, self.G @ d[self.dofs[0]], 0.0, self.par, int(self.par[3]))
         return float(-k * self.par[2] * (1.0 + T / self.par[0]))
 
     def linear_tension(self, d: Array, t: float) -> float:
         """Return the tension [N] to first order in displacements d (n_q,) about the reference; it may be negative."""
         length, zero = 1.0 if self.signal is None else self.signal(t), np.zeros_like(d)
-        _, T, k, _ = taut(self.p0, np.zeros(len(self.p0)), length, self.par, int(self.par[3]))
+        _, T, k = taut(self.p0, np.zeros(len(self.p0)), length, self.par, int(self.par[3]))
         return float(T + k * (self._slopes(zero) @ d[self.dofs[0]]))
 
     def winding_forces(self, d: Array) -> Array:

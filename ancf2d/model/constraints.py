@@ -288,9 +288,11 @@ class Motion:
         if abs(away) <= 1e-9 * (1.0 if self.key == "angle" else extent):
             return None
         if self.key in "xy":
-            return (f"{self.name} starts {away:.6g} away from the reference position of the point",
-                    f"a position that starts at the reference position of the point, or u{self.key} for a displacement")
-        return f"{self.name} starts at {away:.6g}", "0 at t = 0"
+            assert isinstance(self.course, Signal)  # a plain number in statics starts at the reference
+            place = -self.course.offset
+            return (f"{self.name} is {place + away:.6g} at t = 0, but the point is at {self.key} = {place:.6g}",
+                    f"{place:.6g} at t = 0, or u{self.key} in place of {self.key} for a displacement")
+        return f"{self.name} is {away:.6g} at t = 0", "0 at t = 0"
 
     def jump_problem(self, t_end: float) -> tuple[str, str] | None:
         """Return message and expectation if the motion jumps, which would need an infinite velocity, or None."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..case import Case, Dynamic, QuasiStatic, Static
+from ..case import Case, Dynamic, Initial, QuasiStatic, Static
 from ..case.schema.points import named_points
 from ..elements.contact_geometry import FRICTION
 from ..elements.contact_geometry import STICK as STIFF
@@ -126,8 +126,15 @@ class Contacts:
                           f"{0.5 * self.meshes[name].plan.section.height:.3g} from its axis. Give it a section, or use "
                           "side: axis" for name in bodies if self.case.bodies[name].section is None]
 
+    @property
+    def _from_reference(self) -> bool:
+        """Whether the solution starts from the reference, and not from the state of a result file."""
+        return not isinstance(self.case.solver, Dynamic) or (self.case.initial or Initial()).from_ in ("rest", "static")
+
     def _check_overlap(self, i: int, pair: ContactPair) -> None:
         """Report a body that overlaps an obstacle in the reference, or that cannot reach it."""
+        if not self._from_reference:
+            return
         gaps = pair.gaps(np.zeros(len(self.e0)), self.begin)
         k, obstacle = int(np.argmin(gaps)), self.case.obstacles[pair.other]
         if self._may_overlap(pair, -gaps[k]):
@@ -171,6 +178,8 @@ class Contacts:
 
     def _check_overlap_of_bodies(self, i: int, pairs: list[BodyPair]) -> None:
         """Report bodies that overlap in the reference."""
+        if not self._from_reference:
+            return
         found = [(*pair.overlap(), pair) for pair in pairs]
         depth, s, pair = max(found, key=lambda one: one[0])
         if not pair.hard:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
-from ..case import ElementDefinition
+from ..case import DefinitionNode, ElementDefinition
+from ..case.binder import INVALID, Issue
+from ..case.definition import valid_node
 from ..elements.definition import ElementType, NodeSpec, Polynomial, derivative_order, parse
 from ..elements.shape import Array, ShapeFunctions, UnsolvableBasisError, gauss
 
@@ -74,38 +75,62 @@ def rank(element: ElementType, length: float, nu: float) -> int:
 TRIAL = (1.0, 0.5, 0.3)
 
 
-class DefinitionError(ValueError):
-    """A description that is not a valid element; ``problems`` are (path in the file, message, what was expected)."""
+def element_issues(draft: ElementDefinition) -> Iterator[Issue]:
+    """Yield the problems of a definition; values that are INVALID are skipped.
 
-    def __init__(self, problems: list[tuple[tuple[Any, ...], str, str]]) -> None:
-        super().__init__("; ".join(message for _, message, _ in problems))
-        self.problems = problems
+    Whether the coordinates determine the basis is not checked here.
+    """
+    polynomials = list[Polynomial]()
+    for i, text in enumerate(draft.basis or ()):
+        try:
+            polynomials += [parse(text)] if text is not INVALID else []
+        except ValueError as error:
+            yield Issue(("basis", i), f"basis: {error}", "a polynomial in x, y and nu, such as x^2 + nu*y^2")
+    nodes = [n for n in draft.nodes or () if valid_node(n)]
+    for i, node in enumerate(draft.nodes or ()):
+        for j, name in enumerate(node.coordinates if node in nodes else ()):
+            try:
+                if name != "theta":
+                    derivative_order(name)
+            except ValueError as error:
+                yield Issue(("nodes", i, "coordinates", j), str(error))
+    if nodes and len(nodes) == len(draft.nodes):
+        yield from _of_nodes(nodes)
+        count = sum(name != "theta" for node in nodes for name in node.coordinates)
+        if draft.basis and len(draft.basis) != count:
+            yield Issue(("basis",), f"{len(draft.basis)} basis functions for {count} nodal coordinates",
+                        "as many functions as coordinates of all nodes")
+    degree = max((p.degree_x for p in polynomials), default=2)
+    if draft.lobatto and degree < 2 and len(polynomials) == len(draft.basis):
+        yield Issue(("lobatto",), "two Gauss-Lobatto points overestimate the rotary inertia of a bar, got lobatto "
+                    f"{draft.lobatto:g} for a basis of degree {degree} in x", "no lobatto, or a basis of higher degree")
+
+
+def _of_nodes(nodes: list[DefinitionNode]) -> Iterator[Issue]:
+    """Yield the problems of the nodes of an element together."""
+    if any("theta" in n.coordinates and set(n.coordinates) != {"r", "theta"} for n in nodes) or len(
+            {"theta" in n.coordinates for n in nodes}) > 1:
+        yield Issue(("nodes",), "theta needs r at the same node, at every node or at none", "[r, theta] at each node")
+    first, last = nodes[0], nodes[-1]
+    if first.at != 0.0 or last.at != 1.0:
+        yield Issue(("nodes",), f"the nodes are at {first.at:g} to {last.at:g} along the element",
+                    "the first node at 0 and the last at 1")
+    if first.coordinates != last.coordinates:
+        yield Issue(("nodes",), f"the first node has [{', '.join(first.coordinates)}], the last "
+                    f"[{', '.join(last.coordinates)}]", "the same coordinates, which neighbours share")
+    if "r" not in first.coordinates:
+        yield Issue(("nodes", 0, "coordinates"), "the end nodes need the coordinate r")
 
 
 def own_element(definition: ElementDefinition, source: str = "") -> ElementType:
-    """Return the element type of a definition; ``source`` is the file that contains it.
-
-    Raises DefinitionError with all problems. Whether the coordinates determine the basis is not checked here.
-    """
-    problems: list[tuple[tuple[Any, ...], str, str]] = []
-    polynomials = _polynomials(definition, problems)
-    problems += _coordinates(definition)
-    if problems:
-        raise DefinitionError(problems)
+    """Return the element type of a definition without ``element_issues``; ``source`` is the file that contains it."""
+    polynomials = [parse(text) for text in definition.basis]
     theta = "theta" in definition.nodes[0].coordinates
     curve = all(p.degree_y == 0 for p in polynomials)
     default = definition.formulation or ("geometrically_exact" if theta else "cable" if curve else "continuum")
     nodes = tuple(NodeSpec(float(n.at), tuple(n.coordinates)) for n in definition.nodes)
-    element = ElementType(definition.name, tuple(str(b) for b in definition.basis), nodes, default, source=source,
-                          shear_factor=definition.shear_factor or "timoshenko", lobatto=definition.lobatto)
-    if len(polynomials) != element.n_shape:
-        raise DefinitionError([(("basis",), f"{len(polynomials)} basis functions for {element.n_shape} nodal "
-                                "coordinates", "as many functions as coordinates of all nodes")])
-    if element.lobatto and element.degree_x < 2:
-        raise DefinitionError([(("lobatto",), "two Gauss-Lobatto points overestimate the rotary inertia of a bar, got "
-                                f"lobatto {element.lobatto:g} for a basis of degree {element.degree_x} in x",
-                                "no lobatto, or a basis of higher degree")])
-    return element
+    return ElementType(definition.name, tuple(str(b) for b in definition.basis), nodes, default, source=source,
+                       shear_factor=definition.shear_factor or "timoshenko", lobatto=definition.lobatto)
 
 
 def undetermined(element: ElementType) -> str | None:
@@ -117,34 +142,3 @@ def undetermined(element: ElementType) -> str | None:
     if not condition(element, *TRIAL[::2]) < SINGULAR:
         return "some combination of the basis vanishes in every nodal coordinate"
     return None
-
-
-def _polynomials(definition: ElementDefinition, problems: list[tuple[tuple[Any, ...], str, str]]) -> list[Polynomial]:
-    out = []
-    for i, text in enumerate(definition.basis):
-        try:
-            out.append(parse(text))
-        except ValueError as error:
-            problems.append((("basis", i), f"basis: {error}", "a polynomial in x, y and nu, such as x^2 + nu*y^2"))
-    return out
-
-
-def _coordinates(definition: ElementDefinition) -> Iterator[tuple[tuple[Any, ...], str, str]]:
-    """Yield the problems of the nodes."""
-    nodes = definition.nodes
-    for i, node in enumerate(nodes):
-        for j, name in enumerate(node.coordinates):
-            try:
-                if name != "theta":
-                    derivative_order(name)
-            except ValueError as error:
-                yield ("nodes", i, "coordinates", j), str(error), ""
-    if any("theta" in n.coordinates and set(n.coordinates) != {"r", "theta"} for n in nodes) or len(
-            {"theta" in n.coordinates for n in nodes}) > 1:
-        yield ("nodes",), "theta needs r at the same node, at every node or at none", "[r, theta] at each node"
-    first, last = nodes[0], nodes[-1]
-    if first.at != 0.0 or last.at != 1.0 or first.coordinates != last.coordinates:
-        yield ("nodes",), ("the first and last node must be at 0 and 1 and have the same coordinates, which neighbours "
-                           "share"), "the same coordinates at 0 and 1"
-    if "r" not in first.coordinates:
-        yield ("nodes", 0, "coordinates"), "the end nodes need the coordinate r", ""

@@ -33,7 +33,7 @@ from ..errors import CaseError, PartError, Problem
 from .axis import AxisError
 from .curve import AT_NODE, TOGETHER, Array, Piece, is_closed, jumps, knots, pieces_of, short_pieces
 from .grading import grading_of, too_short
-from .own_element import DefinitionError, own_element, undetermined
+from .own_element import own_element, undetermined
 from .profiles import VaryingSection, load_breaks, profile_breaks
 from .section import is_axis_type, resolve_section, rigid_section, with_memory
 
@@ -123,11 +123,7 @@ class BodyPlan:
 
 
 def _user_element(spec: Element, definition: ElementDefinition) -> ElementType:
-    try:
-        reason = undetermined(element := own_element(definition, str(spec.definition)))
-    except DefinitionError as error:
-        reason = str(error)
-    if reason is not None:
+    if (reason := undetermined(element := own_element(definition, str(spec.definition)))) is not None:
         raise PartError(("element", "definition"), f"element {definition.name} in {spec.definition}: {reason}")
     return element
 

@@ -19,15 +19,20 @@ NEAR = 0.5
 
 @dataclass(frozen=True)
 class Extreme:
-    """The largest or smallest value of an expression over all states, or of a field over all bodies at the end."""
+    """The largest or smallest value of an expression over all states, or over all bodies at the end if it has a field.
+    """
 
     largest: bool
-    tree: Tree | None
+    tree: Tree
     field: str = ""
 
     def at(self, values: Array) -> int:
         """Return the index of the extreme among values (m,)."""
         return int(values.argmax() if self.largest else values.argmin())
+
+    def of_field(self, values: Array) -> Array:
+        """Return the expression (m,) at values (m,) of its field."""
+        return series(renamed(self.tree, {self.field: Variable()}), values, 0)[0]
 
 
 @dataclass(frozen=True)
@@ -97,7 +102,7 @@ def near(rows: Array) -> Array:
 
 def names_of(measure: Measure) -> set[str]:
     """Return the names in an expression and in its extremes."""
-    trees = measure.tree, *(extreme.tree for extreme in measure.extremes.values() if extreme.tree)
+    trees = measure.tree, *(extreme.tree for extreme in measure.extremes.values() if not extreme.field)
     return {name for tree in trees for name in named_in(tree)} - set(measure.extremes)
 
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..case import Goal, LoadedCase
-from ..case.binder import KINEMATIC
+from ..case.binder import KINEMATIC, listed
 from ..case.nodes import Mark, Origin
 from ..case.part_checks import refused_field
 from ..case.records import tag_of
@@ -75,8 +75,8 @@ def _said(message: str, words: Vocabulary) -> str:
     if (parameter := re.match(r"'parameters\.(\w+)' is unknown", message)) is not None:
         return f"{parameter[0]}: in expressions the parameter is written {parameter[1]}"
     head, known, _ = message.partition("; known names are ")
-    return (f"{head}; there are {', '.join(words.quantities)}, and max(...) and min(...) of these or of a field "
-            f"({', '.join(words.fields)})" if known else message)
+    return (f"{head}; there are {', '.join(words.quantities)}, and max(...) and min(...) of these over time, or of "
+            f"a field over the bodies ({', '.join(words.fields)}), such as max(abs(M))" if known else message)
 
 
 def _closed(text: str, at: int) -> int:
@@ -89,12 +89,16 @@ def _closed(text: str, at: int) -> int:
 
 
 def _extreme(largest: bool, inside: str, column: int, words: Vocabulary, more: Sequence[str]) -> Extreme:
-    if inside.strip() in words.fields:
-        return Extreme(largest, None, inside.strip())
     try:
         if _EXTREME.search(inside):
             raise ExpressionError("max and min cannot stand in each other", 0)
-        return Extreme(largest, syntax(inside, words.names(more)))
+        tree = syntax(inside, words.names((*more, *words.fields)))
+        used = dict.fromkeys(named_in(tree))
+        field = next((name for name in used if name in words.fields), "")
+        if field and len(used) > 1:
+            raise ExpressionError(f"max and min are over the bodies for {field} but over time for the other names: "
+                                  f"{listed(n for n in used if n != field)} cannot stand beside it there", 0)
+        return Extreme(largest, tree, field)
     except ExpressionError as error:
         raise ExpressionError(str(error), column + error.column, error.near) from None
 
@@ -135,7 +139,7 @@ class Measures:
         self.names = {name for m in measures for name in names_of(m)}
         self.parameters = {name for name in self.names if "." not in name} - {GOAL, MASS, ENERGY}
         self.goals = (goal,) if goal is not None and GOAL in self.names else ()
-        self.along = any(e.tree is not None for m in measures for e in m.extremes.values())
+        self.along = any(not e.field for m in measures for e in m.extremes.values())
         self.all_states = self.along or any(window_of(g) is not None for g in self.goals)
         self.fields = tuple(dict.fromkeys(e.field for m in measures for e in m.extremes.values() if e.field))
         self.forces = any(name.rpartition(".")[2] in SECTION for name in self.names)
@@ -185,7 +189,7 @@ class Measures:
         """Return the expressions evaluated at the states."""
         of_fields, out = {name: self._field(model, states[-1], name) for name in self.fields}, list[Evaluated]()
         for measure in self.measures:
-            places = {name: of_fields[extreme.field] if extreme.tree is None else
+            places = {name: extreme.of_field(of_fields[extreme.field]) if extreme.field else
                       np.array([value_of(extreme.tree, values) for values in course])
                       for name, extreme in measure.extremes.items()}
             ends = {name: float(values[measure.extremes[name].at(values)]) for name, values in places.items()}
@@ -239,7 +243,6 @@ class Measures:
             inner = [(len(states) - 1, name, 1.0)]
             if name in at:
                 tree = one.measure.extremes[name].tree
-                assert tree is not None
                 inner = [(first + at[name], own, by) for own, by in slopes_of(tree, course[at[name]])]
             for number, own, by in inner:
                 if own == GOAL:

@@ -23,6 +23,7 @@ from ..errors import CheckpointError, ComputationError, raise_any
 from ..extend.plugins import load_plugins
 from ..model.build import build_model
 from ..model.model import Model
+from ..model.own_element import element_issues
 from ..solvers.fields import FIELDS
 from ..solvers.motion.schemes import INTEGRATORS
 from .digests import files_of
@@ -42,7 +43,7 @@ def vocabulary() -> Vocabulary:
                    for c in coordinate_components(k, t.has_theta)}
     return Vocabulary(element_types=(*registry.names(), "rigid"), formulations=tuple(FORMULATIONS),
                       nodal_coordinates=tuple(coordinates), integrators=tuple(INTEGRATORS),
-                      output_fields=tuple(FIELDS))
+                      output_fields=tuple(FIELDS), element_issues=element_issues)
 
 
 @dataclass

@@ -18,7 +18,7 @@ from ..elements.registry import RIGID_TYPE
 from ..errors import CaseError
 from ..model.curve import stretches
 from ..model.grading import grading_of
-from ..model.own_element import DefinitionError, own_element
+from ..model.own_element import own_element
 from ..model.plan import acting_points, has_regular_nodes
 from .run import vocabulary
 
@@ -53,10 +53,7 @@ def is_file(name: str) -> bool:
 def described(path: str) -> tuple[ElementType, Source]:
     """Return the element type described by a file. Raises CaseError with all mistakes of the file."""
     definition, source = read_definition(path, vocabulary())
-    try:
-        return own_element(definition, path), source
-    except DefinitionError as error:
-        raise CaseError([source.problem(p, message, expected) for p, message, expected in error.problems]) from None
+    return own_element(definition, path), source
 
 
 def formulation_named(name: str) -> str:

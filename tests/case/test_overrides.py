@@ -141,6 +141,12 @@ error: the case has no 'gaol' that could be removed; did you mean 'goal'?
       | --set gaol=null
       |       ^"""),
     ("bodies.beam.section=null", None),
+    ("goal=max(abs(M))", """\
+error: goal.quantity must be a quantity, not the expression 'max(abs(M))'; expected {probe, quantity} for a point \
+of a body, with peak_over: [t0, t1] for the largest magnitude over time; extremes along the bodies, such as \
+max(abs(M)), are for ancf2d optimise
+      | --set goal=max(abs(M))
+      |            ^"""),
     ("goal=", """\
 error: goal has no value; expected a mapping {probe, quantity, reaction, kind, ...}
       | --set goal=

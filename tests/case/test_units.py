@@ -31,9 +31,9 @@ def said(units: str, E: float, rho: float, g: float) -> list[str]:
 @pytest.mark.parametrize(("units", "E", "rho", "g"), [
     (M, 2.07e11, 7850, -9.81), (MM, 2.07e5, 7.85e-9, -9810), (KN, 2.07e8, 7.85, -9.81), (M, 1.05e12, 3500, -1.62),
     (M, 1e5, 20, -9.81), (MM, 1.0, 1.1e-9, -9810), (M, 1.2e10, 0.5e3, 0), ("units: {length: barn}", 1, 1e9, -3),
-    (M, 1.0, 1.0, -1.0)],
+    (M, 1.0, 1.0, -1.0), (M, 7e5, 5540, -9.81), (M, 1e5, 1070, -9.81), (M, 1e6, 2400, -9.81), (MM, 500.0, 2.2e-9, 0)],
     ids=["steel", "steel in mm", "steel in kN", "diamond on the moon", "foam", "rubber in mm", "wood", "unknown labels",
-         "a model without units"])
+         "a model without units", "the paper's soft pendulum", "silicone", "filled silicone", "PTFE in mm"])
 def test_numbers_that_fit_their_units_are_left_alone(units: str, E: float, rho: float, g: float) -> None:
     assert said(units, E, rho, g) == []
 
@@ -45,6 +45,17 @@ def test_numbers_that_fit_their_units_are_left_alone(units: str, E: float, rho: 
 def test_materials_in_other_units_are_told_beside_steel(units: str, E: float, rho: float, steel: str) -> None:
     (warning,) = said(units, E, rho, 0.0)
     assert f"steel has rho: {steel} and E:" in warning
+
+
+@pytest.mark.parametrize(("units", "E", "rho", "unit", "speed"), [
+    (M, 2.07e5, 7850, "MPa", "5.14"), (M, 70.0, 2700, "GPa", "0.161"), (MM, 207.0, 7.85e-9, "GPa", "162"),
+    (KN, 2.07e5, 7.85, "MPa", "162"), (M, 3e4, 2400, "MPa", "3.54")],
+    ids=["steel", "aluminium", "steel in mm", "steel in kN", "concrete"])
+def test_moduli_in_another_unit_than_the_rest_are_told_by_their_slow_waves(units: str, E: float, rho: float, unit: str,
+                                                                          speed: str) -> None:
+    (warning,) = said(units, E, rho, 0.0)
+    assert f"looks like a modulus in {unit}" in warning
+    assert f"waves would travel at {speed} m/s" in warning
 
 
 @pytest.mark.parametrize(("units", "E", "rho", "g", "earth"), [

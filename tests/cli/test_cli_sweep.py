@@ -17,6 +17,7 @@ from click.testing import Result
 from commandline import BEAM, start
 
 from ancf2d.case import load_case_text
+from ancf2d.cli.sweep import alike
 from ancf2d.study.run import run_case, vocabulary
 
 Call = Callable[..., Result]
@@ -73,6 +74,14 @@ def test_samples_end_with_what_they_say(call: Call, call_json: CallJson) -> None
     assert "share of EI" in told
     for kind in ("sweep", "histogram", "shares"):
         assert call("plot", "beam-sweep/sweep.h5", kind, "--data", f"{kind}.csv").exit_code == 0
+
+
+def test_warnings_that_differ_in_numbers_are_told_once() -> None:
+    said = [f"bodies.beam{k}: an error of about {share} % from S = 0 to 0.125"
+            for k in (1, 2) for share in ("13", "4.6")]
+    assert alike([*said, "contacts.0: no", "contacts.1: no", "contacts.1: no"]) == [
+        f"{said[0]} (2 rows, with other numbers)", f"{said[2]} (2 rows, with other numbers)", "contacts.0: no",
+        "contacts.1: no (2 rows)"]
 
 
 def test_everything_wrong_with_what_is_varied_is_told_at_once(call: Call) -> None:

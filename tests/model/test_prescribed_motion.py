@@ -75,11 +75,11 @@ def test_loads_without_an_amplitude_are_constant_over_time_and_the_others_follow
 
 
 REFUSED = [
-    ({"x": 1.5}, "x", "starts 0.5 away"),
-    ({"y": formula("t - 0.6")}, "y", "starts -0.1 away"),
-    ({"ux": 0.1}, "ux", "starts at 0.1"),
-    ({"uy": {"type": "sine", "frequency": 1, "phase": 0.5}}, "uy", "starts at 0.479"),
-    ({"angle": 0.2}, "angle", "starts at 0.2"),
+    ({"x": 1.5}, "x", "prescribed x is 1.5 at t = 0, but the point is at x = 1"),
+    ({"y": formula("t - 0.6")}, "y", "prescribed y is -0.6 at t = 0, but the point is at y = -0.5"),
+    ({"ux": 0.1}, "ux", "ux is 0.1 at t = 0"),
+    ({"uy": {"type": "sine", "frequency": 1, "phase": 0.5}}, "uy", "uy is 0.479426 at t = 0"),
+    ({"angle": 0.2}, "angle", "angle is 0.2 at t = 0"),
     ({"angle": formula("1/t")}, "angle", "divides by zero"),
     ({"ux": formula("0 if t < 0.5 else 1")}, "ux", "jumps at t = 0.5"),
     ({"angle": formula("0 if t < 0.5 else 1 if t < 1.25 else 2")}, "angle", "jumps at t = 0.5 and once more"),
@@ -124,10 +124,10 @@ def test_static_motions_may_begin_with_a_step_but_positions_start_where_the_body
     assert problems_of(helpers.load(**{**motion(ux=step, uy=step, angle=step), "solver": "static"})) == []
     scene = motion(ux=step, y={"type": "constant"}, angle=0.1)
     (problem,) = problems_of(helpers.load(**{**scene, "solver": "static"}))
-    assert "starts 1.5 away" in problem.message
+    assert "y is 1 at t = 0, but the point is at y = -0.5" in problem.message
     assert problem.path[-1] == "y"
 
 
 def test_building_raises_the_problems() -> None:
-    with pytest.raises(CaseError, match="starts at 0\\.2"):
+    with pytest.raises(CaseError, match="is 0\\.2 at t = 0"):
         helpers.build(**motion(angle=0.2))

@@ -79,6 +79,23 @@ def test_element_types_agree(element: str) -> None:
     assert velocities(case)[0]["factor"] == pytest.approx(critical(0.2, 5, 6)[0] / math.sqrt(0.2), rel=5e-3)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("element", "more", "order"), [
+    ("cable", {}, 4), ("reissner3", {}, 3), ("reissner3", {"masses": [{"at": "pipe@1", "mass": 0.3}]}, 2),
+    ("reissner3", {"boundary_conditions": [*CLAMPED, {"type": "roller", "at": "pipe@1", "fixed": "y"}]}, 4)])
+def test_orders_of_pipes_follow_from_how_well_the_direction_of_the_outlet_is_known(element: str, more: dict[str, Any],
+                                                                                  order: int) -> None:
+    """The momentum that leaves acts along r_x at the end, whose error is of order 2, or 3 if w_xxx vanishes there."""
+    def frequency(count: int) -> float:
+        case = pipe(0.2, element, count, **{"boundary_conditions": CLAMPED, **more})
+        case["fluid"]["velocity"] = 5.0
+        case["solver"] = {"type": "eigen", "modes": 1}
+        return ancf2d.solve(case, states=False).summary["frequencies"][0]["omega"]
+
+    exact, coarse, fine = (frequency(n) for n in (128, 8, 16))
+    assert math.log2((coarse - exact) / (fine - exact)) == pytest.approx(order, abs=0.35)
+
+
 def test_pinned_pipes_buckle_and_loads_stay() -> None:
     case = pipe(0.5, boundary_conditions=PINNED)
     found = velocities(case)[0]

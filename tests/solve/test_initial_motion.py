@@ -332,6 +332,31 @@ def test_flexible_rods_keep_a_rotation_about_their_joint_and_support(name):
     np.testing.assert_allclose(v[:model.n_q], asked[:model.n_q], rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.parametrize("raised", [0.3, 0.4])
+def test_a_motion_from_a_file_begins_where_that_touches(tmp_path, raised):
+    """A disc lifts the end of a lever, which rests there, although the disc would overlap it in the reference."""
+    pressed = {
+        "bodies": {"lever": {"geometry": h.line(1.0), "element": {"type": "rigid", "mass": 1.0, "inertia": 0.1}}},
+        "boundary_conditions": [{"type": "pin", "at": "lever@0"}],
+        "springs": [{"type": "rotational", "between": [[0, 0], "lever@0"], "stiffness": 50.0}],
+        "obstacles": {"disc": {"type": "circle", "center": [1.3, -0.6], "radius": 0.5,
+                               "motion": {"y": {"type": "ramp", "scale": 0.3}}}},
+        "contacts": [{"between": ["lever", "disc"], "side": "axis"}], "loads": [],
+        "output": {"probes": {"tip": "lever@1"}}, "solver": {"type": "static"}}
+    lifted = run_case(load(write(tmp_path / "pressed.yaml", **pressed)), str(tmp_path / "pressed.h5")).summary
+    pressed["obstacles"]["disc"]["motion"]["y"] = {"type": "constant", "scale": raised}
+    moving = {**pressed, "initial": {"from": "pressed.h5"}, "solver": {**DYNAMIC, "t_end": 0.1}}
+    loaded = load(write(tmp_path / "moving.yaml", **moving))
+    if raised > 0.3:
+        with pytest.raises(CaseError, match="lever and disc overlap in the last state"):
+            run_case(loaded)
+    else:
+        tip = run_case(loaded).summary["probes"]["tip"]
+        assert tip["uy"] == pytest.approx(lifted["probes"]["tip"]["uy"], rel=1e-6)
+        assert tip["uy"] > 0.09
+        assert abs(tip["vy"]) < 1e-6
+
+
 @pytest.mark.slow_rows("changes0")
 @pytest.mark.parametrize("changes", [{}, {"joints": [{"type": "pin", "between": ["a@1", "b@0"], "name": "other"}]}])
 def test_energy_momentum_goes_on_from_a_file_as_if_it_had_not_stopped(tmp_path, changes):

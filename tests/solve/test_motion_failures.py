@@ -16,7 +16,7 @@ from ancf2d.kernels.motion.state import COUNT, NOT_FINITE, NUMBERS, SINGULAR
 from ancf2d.model.timing import Signal
 from ancf2d.solvers.motion.dynamic import Run
 from ancf2d.solvers.motion.estimate import DOUBLE, LEVELS, SAFETY, TENFOLD, Estimate
-from ancf2d.solvers.motion.failures import failure
+from ancf2d.solvers.motion.failures import failure, other_method
 from ancf2d.solvers.motion.schemes import INTEGRATORS
 from ancf2d.solvers.registry import solve
 from ancf2d.solvers.state import State
@@ -204,3 +204,13 @@ def test_states_that_are_not_finite_are_told_in_words_alone(size: float) -> None
     except ComputationError as error:
         found = error
     assert any(words in str(found) for words in ("no longer finite", "grows without bound", "has no value"))
+
+
+@pytest.mark.parametrize(("method", "friction", "said"), [
+    ("generalized_alpha", 0.0, True), ("generalized_alpha", 0.3, False), ("radau5", 0.0, False)])
+def test_where_bodies_touch_without_friction_another_method_is_recommended(method, friction, said):
+    rod = {"geometry": h.line(1.0), "element": {"type": "rigid", "mass": 1.0, "inertia": 0.1}}
+    model = h.build({"rod": rod}, {"type": "dynamic", "t_end": 1, "method": method},
+                    obstacles={"floor": {"type": "half_plane", "through": [0, -1], "normal": [0, 1]}},
+                    contacts=[{"between": ["rod", "floor"], "side": "axis", "friction": friction}])
+    assert ("radau5" in other_method(Run(model, model.case.solver).stepper)) == said

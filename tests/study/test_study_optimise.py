@@ -92,7 +92,8 @@ def test_values_of_expressions():
     """Mass, reactions, section forces, the course of a path, and von Mises stress at the clamped end."""
     case = ancf2d.load(TEXT, ["solver={type: static, steps: 4}"])
     words = Vocabulary(case)
-    texts = ["mass", "wall.fy + 2*goal", "tip.M", "max(tip.uy)", "min(tip.uy)", "max(N)", "sqrt(wall.m^2)"]
+    texts = ["mass", "wall.fy + 2*goal", "tip.M", "max(tip.uy)", "min(tip.uy)", "max(N)", "sqrt(wall.m^2)",
+             "max(abs(M))", "min(M) + max(2*abs(M))"]
     states = []
     model = run_case(case, progress=Progress(state=states.append)).model
     got = Measures([read_measure(t, "--minimise", words) for t in texts], case.case.goal)(model, states)
@@ -103,13 +104,17 @@ def test_values_of_expressions():
     assert got[3] == pytest.approx(uy / 4, rel=1e-2)
     assert got[4] == pytest.approx(uy, rel=1e-9)
     assert got[6] == pytest.approx(2000.0, rel=1e-3)
+    # M is negative: its largest magnitude is at the wall
+    assert got[7] == pytest.approx(2000.0, rel=1e-3)
+    assert got[8] == pytest.approx(got[7], rel=1e-9)
     assert mass_of(prepare(case)) == got[0]
 
 
 @pytest.mark.parametrize(("text", "message"), [
     ("mas", "did you mean 'mass'"), ("tip.uz", "did you mean 'tip.uy'"),
-    ("max(stres)", r"'stres' is unknown.*of a field \(.*stress"),
+    ("max(stres)", r"'stres' is unknown.*of a field over the bodies \(.*stress"),
     ("2*parameters.h", "in expressions the parameter is written h"),
+    ("max(abs(M)*tip.x)", "over the bodies for M but over time for the other names: tip.x"),
     ("max(max(mass))", "cannot stand in each other"), ("max(tip.uy", "is missing"), ("goal +", "ends too early")])
 def test_what_is_wrong_with_an_expression(text, message):
     with pytest.raises(CaseError, match=message):

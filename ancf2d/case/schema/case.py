@@ -13,7 +13,7 @@ from ..nodes import Node, quoted
 from ..records import ByShape, OneOf, Record, Registered, RegisteredRecord, keys_of, tag_of
 from .body import Body
 from .controllers import Controller, ControllerKind, Identifiers
-from .output import Expected, Goal, Output, Units
+from .output import GOAL, Expected, Goal, Output, Units
 from .points import MovingPoint
 from .solvers import Solver
 
@@ -166,7 +166,7 @@ class Case:
         _one_or_more("fluids"), "Fluids that bodies carry, one or a list (eigen, frequency_response, state_space, "
         "buckling, dynamic)", default=None)
     solver: Solver = key(OneOf(Solver), "What to compute, and how")
-    goal: Goal | None = key(Record(Goal), "Value whose accuracy matters", default=None)
+    goal: Goal | None = key(GOAL, "Value whose accuracy matters", default=None)
     accuracy: float | None = key(Number("", gt=0, lt=1), "Required relative accuracy of the goal", default=None,
                                  example=1e-4)
     output: Output = key(Record(Output), "What to store in the result file", default=Output())

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from ..binder import Issue
+from ..binder import Binder, Issue, Path, dotted
 from ..declare import key, record
 from ..kinds import Choice, Integer, Known, ListOf, MapOf, Name, Number, Text
+from ..nodes import Node, Scalar, quoted
+from ..records import Record
 from .points import PROBE, Probe
 
 PROBE_QUANTITIES = ("x", "y", "ux", "uy", "theta", "vx", "vy", "N", "Q", "M")
@@ -90,13 +92,25 @@ def _response_issues(goal: Any) -> Iterator[Issue]:
         yield Issue(("part",), f"{{}}: {goal.part} needs a frequency", "hz, or part: abs for the largest amplitude")
 
 
+class _Quantity(Choice):
+    """A quantity; an expression is told where it can be written."""
+
+    def bind(self, node: Node, path: Path, binder: Binder) -> Any:
+        if isinstance(node, Scalar) and "(" in node.text:
+            return binder.fail(node.mark, path, f"{dotted(path)} must be a quantity, not the expression "
+                               f"{quoted(node.text)}", "{probe, quantity} for a point of a body, with peak_over: "
+                               "[t0, t1] for the largest magnitude over time; extremes along the bodies, such as "
+                               "max(abs(M)), are for ancf2d optimise")
+        return super().bind(node, path, binder)
+
+
 @record(kw_only=True)
 class Value:
     """A value of a solution, as a goal or an expected value names it."""
 
     probe: str | None = key(Name("the name of a probe"), "Probe", default=None, refers="probes", example="mid")
     quantity: str | None = key(
-        Choice(*PROBE_QUANTITIES, "omega", *REACTION_QUANTITIES, *CASE_QUANTITIES),
+        _Quantity(*PROBE_QUANTITIES, "omega", *REACTION_QUANTITIES, *CASE_QUANTITIES),
         "Quantity: x, y, ux, uy, theta, vx, vy, N, Q, M of a probe; fx, fy, m of a reaction; strain_energy of the "
         "case; x, y, ux, uy, theta, vx, vy, omega, N, Q, M of a response", default=None, example="uy")
     reaction: str | None = key(Name("the name of a boundary condition"), "Boundary condition whose reaction is the "
@@ -129,6 +143,18 @@ class Goal(Value):
     model: str | None = key(Choice("beam", "continuum"), "With element: auto, the reference for the "
                             "error: the geometrically exact beam (default), or the plane-stress continuum",
                             default=None)
+
+
+class _Goal(Record):
+    """A goal; a text is read as its quantity, so that messages say what else it needs."""
+
+    def bind(self, node: Node, path: Path, binder: Binder) -> Any:
+        if node.shape == "text":
+            return Record(self.cls, "quantity").bind(node, path, binder)
+        return super().bind(node, path, binder)
+
+
+GOAL = _Goal(Goal)
 
 
 @record(kw_only=True)

@@ -21,6 +21,7 @@ from ...kernels.motion.state import (
     UNBOUNDED,
     fill_full,
 )
+from ...kernels.motion.work import SECOND_ORDER_ERROR
 from ...kernels.sliding import sliding_check
 from ...model.point_patch import check_facing
 from ..active_set import blocked_error, driven_points
@@ -100,8 +101,16 @@ def failure(motion: Any, outcome: int) -> ComputationError:
               SINGULAR: "the matrix of a step is singular"}.get(outcome, "Newton's method did not converge")
     return ComputationError(
         f"{reason}, however small the step", at=at, history=[float(x) for x in motion.w.history if x != 0.0],
-        advice="look at the last states: an element may be inverted, or the mechanism may be in a singular position. "
-        "Smaller steps before it, or a smaller tolerance, may help")
+        advice=f"{other_method(motion)}look at the last states: an element may be inverted, or the mechanism may be "
+        "in a singular position. Smaller steps before it, or a smaller tolerance, may help")
+
+
+def other_method(motion: Any) -> str:
+    """Return the advice to locate contacts by Radau's method where these are without friction, or none."""
+    hard = [pair for pair in motion.model.contacts if pair.hard]
+    if not hard or any(pair.item.friction for pair in hard) or motion.method.order > SECOND_ORDER_ERROR:
+        return ""
+    return "use method radau5, whose steps end where contacts open and close, or a law for the contact; else "
 
 
 def _driven_near(motion: Any) -> list[tuple[Any, int]]:

@@ -14,6 +14,7 @@ import numpy as np
 from ...case import Active, Case, Constant, Initial, LoadedCase, MovingPoint, Ramp, Static, amplitude_of
 from ...elements.shape import Array
 from ...errors import CaseError, ComputationError, Problem, ResultsError
+from ...interactions.contact import ContactPoint
 from ...model.build import build_model
 from ...model.model import Model
 from ...model.point_patch import PointConstraint
@@ -228,11 +229,17 @@ def _check_held(model: Model, d: Array, path: str, fail: Callable[..., CaseError
     found = model.interactions.gradients(full, 0.0) if model.constraints else []
     for constraint, (gap, _, _) in zip(model.constraints, found, strict=True):
         g = gap / constraint.scale
-        if not isinstance(constraint, PointConstraint) or not (constraint.active is None or constraint.active.at(0.0)):
+        if not isinstance(constraint, PointConstraint) or isinstance(constraint, ContactPoint) or not (
+                constraint.active is None or constraint.active.at(0.0)):
             continue
         if abs(g) > HELD:
             raise fail(f"{constraint.owner}: the {constraint.holds} differs in the last state of '{path}', by "
                        f"{abs(g):.3g} of its size", expected)
+    for pair in model.contacts:
+        depth = pair.overlap(full)[0] if pair.hard else 0.0
+        if depth > HELD * model.extent:
+            raise fail(f"{pair.body} and {pair.other} overlap in the last state of '{path}', by up to {depth:.3g}",
+                       "a result in which they do not, or a law")
 
 
 def _loaded(model: Model) -> LoadedCase:
