@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import ancf2d
+from ancf2d.model.interactions import Batch
 
 RUBBER = {"E": 1e7, "nu": 0.3, "rho": 1000.0}
 RIGID = {"type": "rigid"}
@@ -55,9 +56,41 @@ def drift(scene: dict[str, Any], t_end: float, tolerance: float = 1e-5, interval
     # an end of one slides past points of the other at a depth: 0.7 and 0.07 of the energy, if they cease to press there
     (-0.074, 0.306, 4.384, (-0.35, -1.93), 4.63), (-0.149, 0.326, 2.603, (-0.41, -1.60), -1.10),
     # an end turns away from the face that it is in: 0.1
-    (0.139, 0.334, 3.043, (0.25, -1.98), 3.08)])
+    (0.139, 0.334, 3.043, (0.25, -1.98), 3.08),
+    # points in corners go over from a face to an end: 0.01
+    (-0.191620, 0.243808, 2.502195, (-0.115937, -1.516995), 0.132971)])
 def test_rods_that_bounce_off_each_other_keep_their_energy(way):
     assert drift(thrown(*way), 0.3, interval=0.05) < 1e-4
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_energy_of_each_point_is_continuous(seed):
+    """It has no jump along straight paths on which corners of two rods pass through each other, at any depth."""
+    rng, scene = np.random.default_rng(seed), thrown(0.0, 0.0, 0.0, (0.0, 0.0), 0.0)
+    model = h.build(scene["bodies"], {"type": "dynamic", "t_end": 1.0, "tolerance": 1e-5}, contacts=scene["contacts"])
+    points, ends, corner = Batch(model.springs), [], rng.choice([-1.0, 1.0], (2, 2))
+    for _ in range(2):
+        angle, (one, two) = rng.uniform(0.0, 2.0 * np.pi), corner * [[0.25, 0.015], [0.175, 0.015]]
+        c, s = np.cos(angle), np.sin(angle)
+        shift = one - np.array([[c, -s], [s, c]]) @ two + rng.uniform(-0.01, 0.01, 2)
+        ends.append(h.rotate(np.zeros(model.n_q), model, angle, shift))
+    ends = np.array(ends)
+    ends[:, :model.meshes["two"].first_dof] = 0.0
+
+    def energies(s):
+        points.energy((1.0 - s) * ends[0] + s * ends[1], 0.0)
+        return points._energy.copy()
+
+    s = np.linspace(0.0, 1.0, 400)
+    found = np.array([energies(x) for x in s])
+    for k in range(found.shape[1]):
+        at = int(np.argmax(abs(np.diff(found[:, k]))))
+        low, high = s[at], s[at + 1]
+        for _ in range(30):
+            middle = 0.5 * (low + high)
+            before, now, after = (energies(x)[k] for x in (low, middle, high))
+            low, high = (low, middle) if abs(now - before) > abs(after - now) else (middle, high)
+        assert abs(after - before) < 1e-6 * found.max()
 
 
 @pytest.mark.parametrize("element", [lambda count: RIGID, pytest.param(lambda count: h.element("cable", count),
