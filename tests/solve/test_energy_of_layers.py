@@ -111,3 +111,32 @@ def test_a_soft_whip_that_strikes_its_own_arm_keeps_its_energy():
              "contacts": [{"self": "whip", "law": {"stiffness": 5e4}}]}
     # the tip lands after 0.2 s and slides along the arm
     assert drift(scene, 0.28) < 1e-4
+
+
+SOFT = {"E": 1e8, "nu": 0.3, "rho": 1000.0}
+
+
+def leaf(length: float, y: float = 0.0) -> dict[str, Any]:
+    return h.body(h.line(length, start=(0.0, y)), h.element("cable", 6), {"height": 0.02, "width": 0.02}, SOFT)
+
+
+# a post whose corner is beside a point of the beam that it presses; and friction that an equilibrium needs
+HELD = {
+    "post": {"bodies": {"beam": leaf(1.0), "post": strip([0.6037, 0.0079], [0.6037, 0.2], height=0.02)},
+             "boundary_conditions": [{"type": "clamp", "at": at} for at in ("beam@0", "beam@1", "post@1")],
+             "contacts": [{"between": ["post", "beam"], "law": {"stiffness": 1e5}}]},
+    "leaves": {"bodies": {"long": leaf(1.0), "short": leaf(0.7, 0.0201)},
+               "boundary_conditions": [{"type": "clamp", "at": f"{name}@0"} for name in ("long", "short")],
+               "loads": h.tip(0.0, 1.0, at="long@1"),
+               "contacts": [{"between": ["short", "long"], "law": {"stiffness": 1e6}, "friction": 0.3}]},
+    "drum": {"bodies": {"long": leaf(1.0)}, "boundary_conditions": [{"type": "clamp", "at": "long@0"}],
+             "obstacles": {"drum": {"type": "circle", "center": [0.4, -0.211], "radius": 0.2}},
+             "loads": h.tip(0.3, -1.0, at="long@1"),
+             "contacts": [{"between": ["long", "drum"], "law": {"stiffness": 1e6}, "friction": 0.3}]}}
+
+
+@pytest.mark.parametrize("scene", HELD.values(), ids=HELD)
+def test_a_motion_from_an_equilibrium_with_layers_stays_there(scene):
+    found = ancf2d.solve({**scene, "initial": {"from": "static"},
+                          "solver": {"type": "dynamic", "t_end": 0.02, "tolerance": 1e-5, "estimate": False}})
+    assert found.energies["kinetic"].max() < 1e-15 * found.energies["strain"].max()
