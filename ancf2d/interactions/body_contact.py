@@ -334,10 +334,11 @@ class BodyPair:
             corner == 1.0 if itself else not self.whole) else 0.0
         beside = FADE_BESIDE * min(opposite, self.against.plan.length)
         fade = 0.0 if self.hard or self.rapid == 0.0 else min(FADE * p.weight, beside)
-        return [DEEPEST * (max(height, opposite) if fade else height), place_along(self.mesh, p), float(self.mesh.lengths[p.ie]),
-                SELF_DISTANCE * height if itself else 0.0, length if itself and self.mesh.plan.closed else 0.0, corner,
-                float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"),
-                yields, self.against.plan.length if self.against.plan.closed else 0.0,
+        return [DEEPEST * (max(height, opposite) if fade else height), place_along(self.mesh, p),
+                float(self.mesh.lengths[p.ie]), SELF_DISTANCE * height if itself else 0.0,
+                length if itself and self.mesh.plan.closed else 0.0, corner,
+                float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"), yields,
+                self.against.plan.length if self.against.plan.closed else 0.0,
                 float(bool(self.follows) and not moves(self.mesh, p, self.follows)), fade]
 
     @cached_property
