@@ -327,18 +327,18 @@ class BodyPair:
 
     def _limits(self, p: Spot) -> list[float]:
         """Return the constants that limit where a point may touch (``contact_gaps``)."""
-        itself, length = self.against is self.mesh, self.mesh.plan.length
-        height, opposite = _mean_height(self.mesh, self.against), float(self.against.plan.section.height)
+        itself, length, other = self.against is self.mesh, self.mesh.plan.length, self.against.plan
+        height, opposite = _mean_height(self.mesh, self.against), float(other.section.height)
         corner = p.z if _is_end(self.mesh, p) else 0.0
         yields = float(pieces_along(self.against)) if self.hard and (
             corner == 1.0 if itself else not self.whole) else 0.0
-        beside = FADE_BESIDE * min(opposite, self.against.plan.length)
-        fade = 0.0 if self.hard or self.rapid == 0.0 else min(FADE * p.weight, beside)
+        fade = 0.0 if self.hard or self.rapid == 0.0 else min(
+            FADE * p.weight, FADE_BESIDE * min(opposite, other.length))
         return [DEEPEST * (max(height, opposite) if fade else height), place_along(self.mesh, p),
                 float(self.mesh.lengths[p.ie]), SELF_DISTANCE * height if itself else 0.0,
                 length if itself and self.mesh.plan.closed else 0.0, corner,
                 float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"), yields,
-                self.against.plan.length if self.against.plan.closed else 0.0,
+                other.length if other.closed else 0.0,
                 float(bool(self.follows) and not moves(self.mesh, p, self.follows)), fade]
 
     @cached_property
