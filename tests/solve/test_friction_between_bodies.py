@@ -185,8 +185,8 @@ def test_momentum_is_kept_where_one_body_drags_another(touch, solver):
                   "contacts": [{"between": ["one", "two"], "friction": 0.5, **touch}]}, 0.1, every=1, **solver)
     total, momenta = found.totals()
     lost = np.array([row.lost for row in found.rows])
-    # without a law, the step in which a point closes moves bodies to where they touch, by dt times their velocity at most,
-    # which changes the angular momentum; adaptive steps end at the impact
+    # without a law, the step in which a point closes moves bodies to where they touch, by dt times their velocity at
+    # most, which changes the angular momentum; adaptive steps end at the impact
     moved = 1e-9 if "law" in touch else 1e-3 if "dt" in solver else 1e-5
     np.testing.assert_allclose(momenta, momenta[0] * np.ones_like(momenta), atol=moved)
     np.testing.assert_allclose(momenta[:, :2], momenta[0, :2] * np.ones((len(lost), 2)), atol=1e-9)
