@@ -135,8 +135,8 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     g, nx, ny, z = gap_between(par, p0, u, mem, own, work, across)
     if not g < 0.0:
         return 0.0, 0.0
-    shares = shares_at(par, mem, nx, ny, z, own)
-    weight, whole = par[WEIGHT] * shares[0] * shares[3], 0.5 * par[WEIGHT] * stiffness * g * g
+    shares = shares_at(par, mem, nx, ny, g, z, own)
+    weight, whole = par[WEIGHT] * shares[0] * shares[6], 0.5 * par[WEIGHT] * stiffness * g * g
     if weight == 0.0:
         return 0.0, 0.0
     gap_derivatives(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H)
@@ -156,7 +156,7 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     for p in range(n):
         f[p] = -weight * pressure * rows[0, p]
         for q in range(n):
-            H[p, q] *= -weight * pressure
+            H[p, q] *= whole * shares[3] * shares[6] - weight * pressure
             C[p, q] = weight * damping * rows[0, p] * rows[0, q]
     add_change_of_shares(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, pressure, whole, shares, f, H)
     for p in range(n):
@@ -165,7 +165,7 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     if par[FRICTION] > 0.0 and mem[FOOT_KIND] == WITHIN and pressure > 0.0:
         power += add_friction_between(par, p0, u, w, mem, g, z, nx, ny, weight * pressure, weight * damping, own, work,
                                       across, rows, f, H, C)[0]
-    return shares[0] * shares[3] * whole, power
+    return shares[0] * shares[6] * whole, power
 
 
 def add_change_of_shares(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, pressure, whole, shares, f,
@@ -176,16 +176,18 @@ def add_change_of_shares(par, p0, u, mem, g, nx, ny, z, own, work, across, rows,
     H omits terms proportional to the depth cubed (``foot_derivatives``), and the second derivatives of the angle.
     """
     foot_and_angle(par, p0, u, mem, g, nx, ny, z, own, work, across, rows)
-    part, by_z, by_zz, turned, by_angle, twice = shares
+    part, by_z, by_zz, by_g, by_gg, by_zg, turned, by_angle, twice = shares
     n, by_gap = len(f), par[WEIGHT] * par[STIFFNESS] * g
     for p in range(n):
-        zp, ap = rows[5, p], rows[6, p]
-        change = turned * by_z * zp + part * by_angle * ap
+        zp, gp, ap = rows[5, p], rows[0, p], rows[6, p]
+        change = turned * (by_z * zp + by_g * gp) + part * by_angle * ap
         f[p] += whole * change
         rows[1, p] -= par[WEIGHT] * pressure * change
-        z_too, angle_too = turned * by_zz * zp + by_z * by_angle * ap, by_z * by_angle * zp + part * twice * ap
+        z_too = turned * (by_zz * zp + by_zg * gp) + by_z * by_angle * ap
+        g_too = by_gap * change + whole * (turned * (by_zg * zp + by_gg * gp) + by_g * by_angle * ap)
+        angle_too = by_angle * (by_z * zp + by_g * gp) + part * twice * ap
         for q in range(n):
-            H[p, q] += by_gap * change * rows[0, q] + whole * (z_too * rows[5, q] + angle_too * rows[6, q])
+            H[p, q] += g_too * rows[0, q] + whole * (z_too * rows[5, q] + angle_too * rows[6, q])
     if by_z == 0.0:
         return
     bent = work_matrix(n, n)
@@ -268,8 +270,8 @@ def update_anchor(p0, u, par, mem, pressed):  # type: ignore[no-untyped-def]
         return g
     place, unit, surface = place_opposite(par, p0, u, mem, z, work, across)
     if pressed < 0.0:
-        shares = shares_at(par, mem, nx, ny, z, own)
-        pressed = shares[0] * shares[3] * par[WEIGHT] * par[STIFFNESS] * max(-g, 0.0)
+        shares = shares_at(par, mem, nx, ny, g, z, own)
+        pressed = shares[0] * shares[6] * par[WEIGHT] * par[STIFFNESS] * max(-g, 0.0)
     held, slides = friction_force(par, mem, slip_from_anchor(par[OPPOSITE:], mem, place, unit), pressed)
     if behind != NO_IMPACT:
         held, slides = behind, True

@@ -70,6 +70,10 @@ _TRIES, _ROUND = 25, 1e-11
 PAST_END = 1.0 + 1e-6
 # cosine of the angle between outward normals, with the sign reversed, from which on a layer has its whole pressure
 OPPOSED = 0.5
+# where depth and distance from an end differ by less than this times their sum, neither counts alone
+BLEND = 1.0 / 3.0
+# last part of the deepest penetration, in which the pressure of a layer fades
+LAST_PART = 1.0 / 3.0
 # largest |z|: an element's polynomial is used up to here beyond its ends
 REACH = 1.5
 
@@ -225,19 +229,20 @@ def is_past_end(other, found):  # type: ignore[no-untyped-def]
     return (found == AT_FIRST and other[BEFORE] == 0.0) or (found == AT_LAST and other[AFTER] == 0.0)
 
 
-def shares_at(par, mem, nx, ny, z, own):  # type: ignore[no-untyped-def]
-    """Return two shares of its pressure that a point has, and their first and second derivatives (6,).
+def shares_at(par, mem, nx, ny, g, z, own):  # type: ignore[no-untyped-def]
+    """Return two shares of its energy that a point has, with derivatives: (share, by z, zz, g, gg, zg, share, by angle,
+    twice).
 
-    They are 0 where a point begins or ceases to touch at any depth: the first one, by z, at the ends of the surface;
-    the second one, by the angle between both outward normals, where they are at right angles. ``own`` is filled at the
-    point.
+    They are 0 where a point begins or ceases to touch at any depth: the first one, by z and the gap, at the ends of the
+    surface and at the DEEPEST penetration; the second one, by the angle between both outward normals, where they are at
+    right angles. ``own`` is filled at the point.
     """
     other = par[OPPOSITE:]
     if other[FADE] == 0.0:
-        return 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
-    a, a1, a2 = _rise((other[BEFORE] + (1.0 + z) * other[HALF]) / other[FADE])
-    b, b1, b2 = _rise((other[AFTER] + (1.0 - z) * other[HALF]) / other[FADE])
-    way = other[HALF] / other[FADE] if mem[FOOT_KIND] == WITHIN else 0.0
+        return 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
+    a, au, av, auu, auv, avv = _share_beside(other[BEFORE] + (1.0 + z) * other[HALF], -g, other[FADE])
+    b, bu, bv, buu, buv, bvv = _share_beside(other[AFTER] + (1.0 - z) * other[HALF], -g, other[FADE])
+    way = other[HALF] if mem[FOOT_KIND] == WITHIN else 0.0
     c, s = -1.0, 0.0
     if other[BOTH_SIDES] == 0.0:
         tx, ty = curve_derivative(par, own, AT_1, 1)
@@ -245,8 +250,50 @@ def shares_at(par, mem, nx, ny, z, own):  # type: ignore[no-untyped-def]
         mx, my = (end * tx - face * ty) / L, (face * tx + end * ty) / L
         c, s = mx * nx + my * ny, nx * my - ny * mx
     t, t1, t2 = _rise(-c / OPPOSED)
-    return (a * b, way * (a1 * b - a * b1), way * way * (a2 * b - 2.0 * a1 * b1 + a * b2),
+    r, r1, r2 = _rise((1.0 + g / other[DEEPEST]) / LAST_PART)
+    room = 1.0 / (LAST_PART * other[DEEPEST])
+    by_z, by_g = way * (au * b - a * bu), -av * b - a * bv
+    return (a * b * r, by_z * r, way * way * (auu * b - 2.0 * au * bu + a * buu) * r, by_g * r + a * b * r1 * room,
+            (avv * b + 2.0 * av * bv + a * bvv) * r + (2.0 * by_g * r1 + a * b * r2 * room) * room,
+            way * (av * bu + a * buv - auv * b - au * bv) * r + by_z * r1 * room,
             t, t1 * s / OPPOSED, t2 * (s / OPPOSED)**2 + t1 * c / OPPOSED)
+
+
+def share_of_energy(other, g, z, c):  # type: ignore[no-untyped-def]
+    """Return the product of both shares of ``shares_at`` where the outward normals have the cosine c."""
+    before = _share_beside(other[BEFORE] + (1.0 + z) * other[HALF], -g, other[FADE])[0]
+    after = _share_beside(other[AFTER] + (1.0 - z) * other[HALF], -g, other[FADE])[0]
+    return before * after * _rise((1.0 + g / other[DEEPEST]) / LAST_PART)[0] * _rise(-c / OPPOSED)[0]
+
+
+def _share_beside(e, depth, fade):  # type: ignore[no-untyped-def]
+    """Return the share (e/h)^2 s(h/r) of a point at a distance e from the end of a surface, and its derivatives by e
+    and depth: (., e, d, ee, ed, dd).
+
+    s is ``_rise``, r the length ``fade``, and h a smooth maximum of e and depth. So share times depth^2 is the same for
+    both surfaces that meet at a right angle, where the distance from the end of one is the depth in the other.
+    """
+    if e >= fade and e * (1.0 - BLEND) >= depth * (1.0 + BLEND):
+        return 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if e <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    both, h, hu, hv, curved = e + depth, max(e, depth), 1.0, 0.0, 0.0
+    t = (e - depth) / both
+    if t < 0.0:
+        hu, hv = 0.0, 1.0
+    if abs(t) < BLEND:
+        h, curved = both * (0.5 + 0.25 * (t * t / BLEND + BLEND)), 0.5 / (BLEND * both)
+        hu = 0.5 + 0.25 * (BLEND + (2.0 - t) * t / BLEND)
+        hv = 0.5 + 0.25 * (BLEND - (2.0 + t) * t / BLEND)
+    # q = s(h/r)/h^2
+    q, q1, q2 = 1.0 / (h * h), -2.0 / (h * h * h), 6.0 / (h * h * h * h)
+    if h < fade:
+        q, q1, q2 = (3.0 - 2.0 * h / fade) / (fade * fade), -2.0 / (fade * fade * fade), 0.0
+    ee = e * e
+    return (ee * q, 2.0 * e * q + ee * q1 * hu, ee * q1 * hv,
+            2.0 * q + 4.0 * e * q1 * hu + ee * (q2 * hu * hu + q1 * curved * (1.0 - t)**2),
+            2.0 * e * q1 * hv + ee * (q2 * hu * hv - q1 * curved * (1.0 - t * t)),
+            ee * (q2 * hv * hv + q1 * curved * (1.0 + t)**2))
 
 
 def _rise(x):  # type: ignore[no-untyped-def]

@@ -32,7 +32,7 @@ from .contact_curves import (
     spots,
 )
 
-# relative to the mean height of two bodies: a point that is deeper is not in contact, because the far side is nearer
+# relative to a height (``_limits``): a point that is deeper is not in contact, because the far side is nearer
 DEEPEST = 0.75
 # relative to the height of a body: greater depths are reported as a failure (more than half is impossible)
 TOO_DEEP = 0.4
@@ -327,17 +327,17 @@ class BodyPair:
 
     def _limits(self, p: Spot) -> list[float]:
         """Return the constants that limit where a point may touch (``contact_gaps``)."""
-        itself, length = self.against is self.mesh, self.mesh.plan.length
-        height = _mean_height(self.mesh, self.against)
+        itself, other = self.against is self.mesh, self.against.plan
+        loop = other.length if other.closed else 0.0
+        height, opposite = _mean_height(self.mesh, self.against), float(other.section.height)
         corner = p.z if _is_end(self.mesh, p) else 0.0
         yields = float(pieces_along(self.against)) if self.hard and (
             corner == 1.0 if itself else not self.whole) else 0.0
-        beside = FADE_BESIDE * min(self.against.plan.section.height, self.against.plan.length)
+        beside = FADE_BESIDE * min(opposite, other.length)
         fade = 0.0 if self.hard or self.rapid == 0.0 else min(FADE * p.weight, beside)
-        return [DEEPEST * height, place_along(self.mesh, p), float(self.mesh.lengths[p.ie]),
-                SELF_DISTANCE * height if itself else 0.0, length if itself and self.mesh.plan.closed else 0.0, corner,
-                float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"),
-                yields, self.against.plan.length if self.against.plan.closed else 0.0,
+        return [DEEPEST * (max(height, opposite) if fade else height), place_along(self.mesh, p),
+                float(self.mesh.lengths[p.ie]), SELF_DISTANCE * height if itself else 0.0, loop if itself else 0.0,
+                corner, float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"), yields, loop,
                 float(bool(self.follows) and not moves(self.mesh, p, self.follows)), fade]
 
     @cached_property

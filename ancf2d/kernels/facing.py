@@ -66,11 +66,8 @@ from .points import fields_of_first, fields_of_item, weights_of_item
 
 # largest cosine between outward normals of faces that may touch where pressure does not fade; of a corner and a surface
 FACE_COSINE, CORNER_COSINE = -0.3, 0.5
-# where it fades, a point in a corner of a body touches the surface that it faces more: squared distances are compared
-# divided by this power of the squared cosine, which is 0 where the pressure vanishes
-POWER = 4
-# equal positions
-SAME = 1e-6
+# equal positions, and energies
+SAME, SAME_ENERGY = 1e-6, 1e-9
 # instead of a distance, for ``face``: that at which each point may have a force; the same, but any distance for points
 # of an axis, which remember their side
 IN_RANGE, IN_RANGE_OR_BESIDE = 0.0, -1.0
@@ -79,9 +76,10 @@ SAMPLES, SECTIONS, GOLDEN = 9, 40, 0.6180339887498949
 # most nodes of the tree that wait during a descent: two for each level
 _DEEP = 128
 
-_is_past_end, _line_at, _trace_at, _foot_point, _gap_between, _place_opposite, _field_count = (part(f) for f in (
-    contact_gaps.is_past_end, contact_gaps.line_at, contact_gaps.trace_at, contact_gaps.foot_point,
-    contact_gaps.gap_between, contact_gaps.place_opposite, contact_derivatives.field_count))
+_is_past_end, _line_at, _trace_at, _foot_point, _gap_between, _place_opposite, _share_of_energy, _field_count = (
+    part(f) for f in (contact_gaps.is_past_end, contact_gaps.line_at, contact_gaps.trace_at, contact_gaps.foot_point,
+                      contact_gaps.gap_between, contact_gaps.place_opposite, contact_gaps.share_of_energy,
+                      contact_derivatives.field_count))
 
 
 @inner
@@ -145,8 +143,8 @@ def _try_curve(table, way, c, par, other, none, x, y, tx, ty, z, best):  # type:
 
     z : where Newton's method starts.
 
-    best : (distance squared, or what is compared instead of it, z, kind of foot point, side of the point, whether the
-    point is closed, largest distance squared).
+    best : (distance squared, z, kind of foot point, side of the point, whether the point is closed, largest distance
+    squared, squared depth with the share of it that counts for the energy where pressure fades).
     """
     fields, found = table.now[table.at[c, 2]:], WITHIN
     z = _foot_point(other, fields, none, x, y, z)
@@ -179,23 +177,24 @@ def _try_curve(table, way, c, par, other, none, x, y, tx, ty, z, best):  # type:
         return False
     if not _may_touch(par, other, other[START] + 0.5 * (z + 1.0) * other[SPAN], nx, ny, tx, ty):
         return False
-    if fades:
+    best[0], best[1], best[2], best[6] = D, z, found, 0.0
+    if fades and inside:
         face, end = _cosines(par, other, nx, ny, tx, ty)
-        D /= max((face + end)**(2 * POWER), 1e-99)
-        if best[0] <= D:
-            return False
-    best[0], best[1], best[2] = D, z, found
+        best[6] = D * _share_of_energy(other, -math.sqrt(D), z, face + end)
     return True
 
 
 @inner
 def _nearest(table, way, par, x, y, tx, ty, best, room, none, waiting):  # type: ignore[no-untyped-def]
-    """Return the curve that a contact point faces, or -1 if there is none; fill ``best`` (``_try``).
+    """Return the curve that a contact point faces, or -1 if there is none; fill ``best`` (``_try_curve``).
 
-    Only curves nearer than the largest squared distance in ``best`` are found.
+    Only curves nearer than the largest squared distance in ``best`` are found. Where pressure fades, ends come
+    afterwards: of the faces and each end, a point touches that for which its energy is largest, and this energy is
+    continuous where it goes over from one to the other.
     """
     first, n, root, found = table.first[way], table.first[way + 1] - table.first[way], table.tree[way], -1
-    best[0], best[1], best[2] = np.inf, 0.0, NOWHERE
+    ends = 2 if room[FADE] > 0.0 and table.curve[first + n - 1, SPAN] == 0.0 else 0
+    best[0], best[1], best[2], best[6] = np.inf, 0.0, NOWHERE, 0.0
     waiting[0], count = 0, 1
     while count > 0:
         count -= 1
@@ -205,13 +204,7 @@ def _nearest(table, way, par, x, y, tx, ty, best, room, none, waiting):  # type:
             continue
         if k >= n - 1:
             c = first + k - (n - 1)
-            z, least = nearest_on_chord(table.chords[c], x, y)
-            if least * least >= near or not _can_touch(par, room, table.curve[c], table.chords[c], tx, ty):
-                continue
-            copy(table.curve[c], room[:CURVE_SIZE])
-            if room[BOTH_SIDES] > 0.0:
-                room[SIGN] = best[3]
-            if _try_curve(table, way, c, par, room, none, x, y, tx, ty, z, best):
+            if c < first + n - ends and _is_nearer(table, way, c, par, x, y, tx, ty, best, room, none):
                 found = c
             continue
         one, two = 2 * k + 1, 2 * k + 2
@@ -220,7 +213,27 @@ def _nearest(table, way, par, x, y, tx, ty, best, room, none, waiting):  # type:
         # the nearer one is visited first
         waiting[count], waiting[count + 1] = one, two
         count += 2
+    for c in range(first + n - ends, first + n):
+        D, z, kind, most = best[0], best[1], best[2], best[6]
+        best[0], best[6] = np.inf, 0.0
+        if _is_nearer(table, way, c, par, x, y, tx, ty, best, room, none) and (
+                best[6] > (1.0 + SAME_ENERGY) * most or (best[0] < D and best[6] >= (1.0 - SAME_ENERGY) * most)):
+            found = c
+        else:
+            best[0], best[1], best[2], best[6] = D, z, kind, most
     return found
+
+
+@inner
+def _is_nearer(table, way, c, par, x, y, tx, ty, best, room, none):  # type: ignore[no-untyped-def]
+    """Return whether a point may touch curve c and is nearer to it than to the one in ``best``, which it replaces."""
+    z, least = nearest_on_chord(table.chords[c], x, y)
+    if least * least >= min(best[0], best[5]) or not _can_touch(par, room, table.curve[c], table.chords[c], tx, ty):
+        return False
+    copy(table.curve[c], room[:CURVE_SIZE])
+    if room[BOTH_SIDES] > 0.0:
+        room[SIGN] = best[3]
+    return _try_curve(table, way, c, par, room, none, x, y, tx, ty, z, best)
 
 
 @inner
@@ -277,7 +290,7 @@ def face(table, points, d, within):  # type: ignore[no-untyped-def]
     """
     if len(table.item) == 0:
         return
-    u, none, best, room = vector(200), vector(200), vector(6), vector(points.par.shape[1])
+    u, none, best, room = vector(200), vector(200), vector(7), vector(points.par.shape[1])
     fill_curves(table, d, none)
     waiting = numbers(table.item, _DEEP)
     for k in range(len(table.item)):
@@ -337,7 +350,7 @@ def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyp
     ``free`` (n,) : which points may move; depth (n,) is 0 if there is no maximum inside the interval. Call it after
     ``face`` at d (n_full,).
     """
-    u, none, best = vector(200), vector(200), vector(6)
+    u, none, best = vector(200), vector(200), vector(7)
     own, work, across, room = vector(WORK), vector(WORK), vector(WORK), vector(points.par.shape[1])
     waiting, g, kept = numbers(table.item, _DEEP), vector(SAMPLES), vector(points.mem.shape[1])
     for k in range(len(table.item)):

@@ -84,6 +84,7 @@ class _Builder:
     def __init__(self, loaded: LoadedCase, moving: bool, like: Model | None, exactly: bool) -> None:
         self.loaded, self.case = loaded, loaded.case
         known = {} if like is None else like.meshes
+        self.moving = moving
         self.plans, self.problems = plan_bodies(loaded, moving, {name: mesh.plan for name, mesh in known.items()})
         raise_any(self.problems)
         self.meshes: dict[str, BodyMesh] = {}
@@ -294,7 +295,7 @@ class _Builder:
         self.frames = {name: frame_of(obstacle, self.meshes, self.timing)
                        for name, obstacle in self.case.obstacles.items()}
         found = Contacts(self.case, self.meshes, self.frames, self.e0, self.extent, elimination.dependents,
-                         self.case.solver.course[0])
+                         self.case.solver.course[0], self.moving)
         for problem in found.problems:
             self.report(*problem)
         self.equations.constraints += found.constraints

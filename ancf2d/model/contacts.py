@@ -51,8 +51,8 @@ class Contacts:
     """The contact points of all contact pairs, as constraints (without a law) and springs (with a law).
 
     ``e0`` (n_q,) is the reference, ``extent`` its size, ``follows`` the dependent coordinates (see
-    ``numbering.Dependent``), ``begin`` the time or load factor of the reference. ``problems`` are (path in the case,
-    message, what was expected).
+    ``numbering.Dependent``), ``begin`` the time or load factor of the reference; ``starts``: a motion starts from this
+    static case. ``problems`` are (path in the case, message, what was expected).
     """
 
     case: Case
@@ -62,6 +62,7 @@ class Contacts:
     extent: float
     follows: Mapping[int, Any]
     begin: float
+    starts: bool = False
     pairs: list[ContactPair | BodyPair] = field(default_factory=list)
     constraints: list[ContactPoint] = field(default_factory=list)
     springs: list[CompliantContact] = field(default_factory=list)
@@ -104,7 +105,9 @@ class Contacts:
                 own.other, pair.driven = other, (own, own.gaps(np.zeros(len(self.e0)), self.begin))
             self._check_overlap(i, pair)
             return [pair]
-        pairs = body_pairs(item, name, self.meshes[body], self.meshes[other], self.extent, rapid_rate(self.case),
+        # pressure fades as in the motion that starts, which else would not start in equilibrium
+        rapid = RAPID if self.starts and item.law is not None else rapid_rate(self.case)
+        pairs = body_pairs(item, name, self.meshes[body], self.meshes[other], self.extent, rapid,
                            self.follows if moving else {}, self._joined(body, other), 0 if moving else BETWEEN)
         if pairs:
             self._check_overlap_of_bodies(i, pairs)

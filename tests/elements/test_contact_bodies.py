@@ -30,6 +30,7 @@ class Point:
         curve = np.zeros(gaps.BODY_SIZE)
         curve[[geometry.SECTION, geometry.TERMS, geometry.OFFSET]] = other, others, 0.07
         curve[[gaps.SIGN, gaps.SPAN, gaps.BEFORE, gaps.AFTER, gaps.HALF, gaps.FADE]] = 1.0, 1.0, 1.0, after, 0.5, 0.3
+        curve[gaps.DEEPEST] = 0.5
         face = -1.0
         if place == "end" and two != "curve":
             curve[[gaps.END, gaps.END_MIDDLE, gaps.END_HALF, gaps.SIGN, gaps.CORNER]] = 1.0, 0.01, 0.08, -1.0, -1.0
@@ -125,6 +126,39 @@ def test_pressure_that_fades_has_a_potential(one, two, place, fading, damping):
     # at least of second order, beside an element of the length 1
     assert errors[0] < 2e-3
     assert errors[1] < 0.02 * errors[0]
+
+
+# distance from the end, and depth: both less than the length of fading; only one; near the deepest penetration
+CORNERS = [(0.1, 0.08), (0.1, 0.25), (0.1, 0.4), (0.4, 0.28), (0.4, 0.4), (1.0, 0.45)]
+
+
+@helpers.pairwise(one=SECTIONS, two=SECTIONS, place=["within", "end"], corner=CORNERS)
+def test_forces_in_corners_have_a_potential(one, two, place, corner):
+    point = Point(laws.COMPLIANT_BODIES, one, two, place, 0.0, corner[1], corner[0] - 0.4, 0.9)
+    f = point(point.u, point.w)[1]
+    slope = differences(lambda u: np.array(point(u, point.w)[0]), point.u, h=1e-6)
+    np.testing.assert_allclose(f, slope, atol=1e-6 * np.abs(f).max())
+    check_balance(point, (one, two))
+
+
+@pytest.mark.parametrize("corner", CORNERS)
+def test_shares_have_their_derivatives_and_are_the_same_for_both_surfaces_of_a_corner(corner):
+    point = Point(laws.COMPLIANT_BODIES, "curve", "theta", "within", after=0.0)
+    own, h = np.zeros(geometry.WORK), 1e-6
+    geometry.position_at(point.par, point.p0, point.u, 0.3, own)
+
+    def shares(distance, depth):
+        # the end of the other surface is at z = 1, half of it is 0.5 long
+        return np.array(gaps.shares_at(point.par, point.mem, 0.0, 1.0, -depth, 1.0 - distance / 0.5, own))
+
+    share, z, zz, g, gg, zg = shares(*corner)[:6]
+    by_z = (shares(corner[0] - 0.5 * h, corner[1]) - shares(corner[0] + 0.5 * h, corner[1])) / (2.0 * h)
+    by_g = (shares(corner[0], corner[1] - h) - shares(corner[0], corner[1] + h)) / (2.0 * h)
+    size = 1e-7 * max(1.0, abs(np.array([z, zz, g, gg, zg])).max())
+    np.testing.assert_allclose([z, zz, zg], by_z[[0, 1, 3]], atol=size)
+    np.testing.assert_allclose([g, zg, gg], by_g[[0, 1, 3]], atol=size)
+    if max(corner) < 0.33:
+        assert shares(*corner[::-1])[0] * corner[0]**2 == pytest.approx(share * corner[1]**2, rel=1e-12)
 
 
 def rubbing(one, two, place, slides, depth, law=laws.COMPLIANT_BODIES):

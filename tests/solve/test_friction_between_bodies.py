@@ -177,7 +177,7 @@ def test_the_order_of_the_bodies_does_not_matter(k):
 @pytest.mark.parametrize(("touch", "solver"), [
     pytest.param({"law": {"stiffness": 1e6}}, {"tolerance": 1e-6}, marks=pytest.mark.slow),
     pytest.param({"law": {"stiffness": 1e6}}, {"tolerance": 1e-6, "method": "RK45"}, marks=pytest.mark.slow),
-    ({"restitution": 0.5}, {"dt": 1e-3}), ({}, {"dt": 1e-3})], ids=str)
+    ({"restitution": 0.5}, {"dt": 1e-3}), ({}, {"dt": 1e-3}), ({}, {"tolerance": 1e-4})], ids=str)
 def test_momentum_is_kept_where_one_body_drags_another(touch, solver):
     """Two bars that meet aslant in free space: friction turns and drags both, in balance."""
     bodies = {"one": block([0, 0.12], [1, 0.12]), "two": block([-0.3, 0], [1.2, 0.01])}
@@ -185,8 +185,10 @@ def test_momentum_is_kept_where_one_body_drags_another(touch, solver):
                   "contacts": [{"between": ["one", "two"], "friction": 0.5, **touch}]}, 0.1, every=1, **solver)
     total, momenta = found.totals()
     lost = np.array([row.lost for row in found.rows])
-    # without a law, the gap that a step closes moves bodies a little, which the angular momentum does not know
-    np.testing.assert_allclose(momenta, momenta[0] * np.ones_like(momenta), atol=1e-9 if "law" in touch else 1e-3)
+    # without a law, the step in which a point closes moves bodies to where they touch, by dt times their velocity at
+    # most, which changes the angular momentum; adaptive steps end at the impact
+    moved = 1e-9 if "law" in touch else 1e-3 if "dt" in solver else 1e-5
+    np.testing.assert_allclose(momenta, momenta[0] * np.ones_like(momenta), atol=moved)
     np.testing.assert_allclose(momenta[:, :2], momenta[0, :2] * np.ones((len(lost), 2)), atol=1e-9)
     assert lost[-1] > 0.02 * total[0]
     np.testing.assert_allclose(total + lost, total[0], rtol=1e-3 if "law" in touch else 1e-8)

@@ -143,6 +143,10 @@ def _static(model: Model) -> tuple[Array, Array | None]:
         raise ComputationError(f"no equilibrium to start the motion from: {f.reason}", at=f.at, history=f.history,
                                advice=f.advice) from error
     model.states[:] = static.states
+    for pair, settled in zip(model.contacts, static.contacts, strict=False):
+        if not pair.hard and (pair.body, pair.other, pair.spots) == (settled.body, settled.other, settled.spots):
+            # friction holds the points of layers where it held them in the equilibrium
+            pair.mem[:] = settled.mem
     model.set_step(0.0)
     return state.d[:model.n_q], state.turned
 
