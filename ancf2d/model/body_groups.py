@@ -10,7 +10,7 @@ import numpy as np
 from ..case import Case
 from ..elements.shape import Array
 from .classes import ElementClass
-from .mesh import STATIONS, BodyMesh, Index
+from .mesh import STATIONS, BodyMesh, Index, joined
 
 # a body with at least this many elements forms a pool of its own, which threads can divide
 MANY = 8192
@@ -75,7 +75,7 @@ class Pool:
     @cached_property
     def dofs(self) -> Index:
         """The coordinates of each element (ne, n_dof)."""
-        return _joined([mesh.dofs for mesh in self.meshes])
+        return joined([mesh.dofs for mesh in self.meshes])
 
     @cached_property
     def turn(self) -> Array:
@@ -95,10 +95,6 @@ class Pool:
         axis = np.zeros(len(STATIONS))
         return [(c.shape(STATIONS, axis, 1, 0), c.shape(STATIONS, axis, 0, 1), c.shape(STATIONS, axis))
                 for c in self.classes]
-
-
-def _joined(parts: list[Any]) -> Any:
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def damping_time(case: Case, name: str) -> float:

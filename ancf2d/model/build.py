@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from ..case import (
     Active,
     Case,
@@ -33,7 +31,7 @@ from .constraints import Equations, keep_lengths, motions
 from .contacts import Contacts
 from .determinacy import drop_repeated, free_motions, linear_row
 from .element_limits import hidden_warning, hinge_warning, locking_warning
-from .mesh import BodyMesh
+from .mesh import BodyMesh, joined
 from .model import Model, symmetric
 from .numbering import Elimination, eliminate, inconsistent, number
 from .plan import acting_at, plan_bodies, reference_extent, warnings_of
@@ -102,7 +100,7 @@ class _Builder:
                 continue
             dof, node = dof + mesh.n_dofs, node + mesh.n_nodes
         raise_any(self.problems)
-        self.e0: Array = np.concatenate([m.e0 for m in self.meshes.values()])
+        self.e0: Array = joined([m.e0 for m in self.meshes.values()])
         # the model ``like``, if all bodies have the same reference, else None
         self.twin = like if like is not None and list(known) == list(self.meshes) and all(
             mesh.e0 is known[name].e0 for name, mesh in self.meshes.items()) else None
@@ -160,7 +158,7 @@ class _Builder:
     @cached_property
     def weights(self) -> Array:
         """Displacement [m] that one unit of each nodal coordinate stands for (n_q,)."""
-        return np.concatenate([m.weights for m in self.meshes.values()])
+        return joined([m.weights for m in self.meshes.values()])
 
     def size(self, coordinate: int) -> float:
         """Return the magnitude of a coordinate for a unit displacement."""

@@ -41,12 +41,17 @@ def rigid_motion(mesh: BodyMesh, coords: Index, e: Array, centre: Array) -> Arra
     return out
 
 
-def own_motions(mesh: BodyMesh, e0: Array) -> Array:
-    """Return the rates (n_dofs, 3) of a body's coordinates for rigid motions about its middle, in the reference."""
-    if mesh.motions is None:
+def own_motion(mesh: BodyMesh, e0: Array, k: int) -> Array:
+    """Return the rates (n_dofs,) of a body's coordinates in the reference: k = 0, 1 is translation in x, y.
+
+    2 is rotation about its middle.
+    """
+    if k < 2:
+        return mesh.kinds == k
+    if mesh.rotation is None:
         coords = np.arange(mesh.first_dof, mesh.first_dof + mesh.n_dofs)
-        mesh.motions = rigid_motion(mesh, coords, e0, np.asarray(mesh.plan.position(0.5)[0]))
-    return mesh.motions
+        mesh.rotation = rigid_motion(mesh, coords, e0, np.asarray(mesh.plan.position(0.5)[0]))[:, 2].copy()
+    return mesh.rotation
 
 
 def _resistance(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Spring],

@@ -25,9 +25,16 @@ from .profiles import SectionsAlong, alike_along
 Index = NDArray[np.int64]
 # stations along an element at which its axis is examined
 STATIONS = np.array([0.0, 0.5, 1.0])
+# elements that are evaluated at once
+BLOCK = 4096
 # attributes that meshes with the same nodes and coordinates share
 LAID_OUT = ("dofs", "nodes", "turn", "e0", "n_dofs", "n_nodes", "piece_first", "kinds", "coordinate_names", "starts",
-            "lengths", "angles", "shares_start", "motions", "at_nodes", "_references", "_located")
+            "lengths", "angles", "shares_start", "rotation", "at_nodes", "_references", "_located")
+
+
+def joined(parts: list[Any]) -> Any:
+    """Return arrays in one; a single one itself, because long meshes need much memory."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def straight(shape: ShapeFunctions, section: Section) -> Sampler:
@@ -88,8 +95,8 @@ class BodyMesh:
         self.warnings: list[list[str]] | None = None
         # cache of ``points.PointRef`` for positions and directions at nodes
         self.at_nodes: dict[tuple[Any, ...], Any] = {}
-        # cache of ``determinacy.own_motions``
-        self.motions: Array | None = None
+        # cache of ``determinacy.own_motion``
+        self.rotation: Array | None = None
         self._known = {} if like is None or (exactly and like.plan.section != plan.section) else like.classes_in(plan)
         # reference coordinates of elements, each in its own frame
         self._references: dict[tuple[Any, ...], Array] = {}
@@ -129,12 +136,12 @@ class BodyMesh:
             e0.append(values[self.node_sizes[0]:] if piece.shared else values)
             dof += self.stride * n + self.node_sizes[-1]
             node += (len(element.nodes) - 1) * n + 1
-        self.dofs: Index = np.concatenate(dofs)
-        self.nodes: Index = np.concatenate(nodes)
+        self.dofs: Index = joined(dofs)
+        self.nodes: Index = joined(nodes)
         directions = np.concatenate(turn)
         straight = bool(np.all(directions == directions[0]))
         self.turn: Array = np.ascontiguousarray(directions[:1] if straight else directions)
-        self.e0: Array = np.concatenate(e0)
+        self.e0: Array = joined(e0)
         self.n_dofs, self.n_nodes = dof - self.first_dof, node - self.first_node
 
     def _classes_of(self, piece: Piece, keys: dict[tuple[Any, ...], int], peak: list[int]) -> Index:
@@ -271,12 +278,25 @@ class BodyMesh:
 
     @cached_property
     def gradients(self) -> Array:
-        """Rotation or strain that a unit of each coordinate stands for (n_dofs,): 0 for r; 1 for r_x, r_y and theta."""
+        """Rotation or strain that a unit of an element's coordinate stands for (n_dof,): 0 for r; 1 for r_x, theta."""
         element, half = self.plan.element, self.plan.section.height / 2
         l = max(p.l for p in self.plan.pieces)
         orders = [derivative_order(name) for _, name in element.functionals]
         sizes = [w * max(i / l, j / half) for w, (i, j) in zip(self.shape_weights.tolist(), orders, strict=True)]
-        return self.tile([v for g in sizes for v in ([g, g] if element.components == 2 else [g, g, 1.0])])
+        return np.array([v for g in sizes for v in ([g, g] if element.components == 2 else [g, g, 1.0])])
+
+    @property
+    def blocks(self) -> list[slice]:
+        """The elements in blocks: evaluated at once, long bodies would need much memory."""
+        return [slice(k, k + BLOCK) for k in range(0, len(self.dofs), BLOCK)]
+
+    def largest_gradient(self, d: Array) -> float:
+        """Return the largest rotation or strain that displacements d (n_full,) of the coordinates stand for."""
+        most = []
+        for block in self.blocks:
+            part = d[self.dofs[block]]
+            most.append((self.gradients * np.abs(part, out=part)).max())
+        return float(np.max(most))
 
     @cached_property
     def kinds(self) -> NDArray[np.int8]:

@@ -16,7 +16,7 @@ from ..interactions.forces import LoadSet, Patch
 from ..interactions.springs import Spring
 from .body_groups import Pool, make_pools
 from .constraints import Constraint, Row
-from .mesh import BodyMesh, Index
+from .mesh import BodyMesh, Index, joined
 from .numbering import Elimination, Numbering
 from .points import PointRef, point_ref
 from .rotation import Turns
@@ -168,14 +168,14 @@ class Model:
     @cached_property
     def weights(self) -> Array:
         """Displacement [m] that one unit of each nodal coordinate stands for (n_q,)."""
-        return np.concatenate([m.weights for m in self.meshes.values()])
+        return joined([m.weights for m in self.meshes.values()])
 
     @cached_property
     def straining(self) -> Array:
         """Weights of Newton's increments (n_q,) [m]: displacements, or in slender elements an equally large strain."""
         from .numbering import straining_weights
 
-        return np.concatenate([straining_weights(m, self.extent) for m in self.meshes.values()])
+        return joined([straining_weights(m, self.extent) for m in self.meshes.values()])
 
     @cached_property
     def turns(self) -> Turns:

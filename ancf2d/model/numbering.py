@@ -77,8 +77,11 @@ class Numbering:
         return slice(first, first + count) if np.array_equal(self.free, np.arange(first, first + count)) else self.free
 
     def of_unknowns(self, values: Array) -> Array:
-        """Return the values (n_q,) of nodal coordinates that are unknowns, and 0 for multipliers (n_unknowns,)."""
-        return np.append(values, np.zeros(self.n_multipliers))[self.free]
+        """Return the values (n_q,) of nodal coordinates that are unknowns, and 0 for multipliers (n_unknowns,).
+
+        May be a part of ``values`` itself.
+        """
+        return (np.append(values, np.zeros(self.n_multipliers)) if self.n_multipliers else values)[self.where]
 
     @cached_property
     def owner(self) -> Index:

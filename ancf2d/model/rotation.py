@@ -65,6 +65,8 @@ class SectionAngles:
 
     def __init__(self, mesh: BodyMesh) -> None:
         self.mesh = mesh
+        # whether coordinates give rotations and strains
+        self.known = bool(mesh.gradients.any())
         self.coordinates = slice(mesh.first_dof, mesh.first_dof + mesh.n_dofs)
         self.xi = np.linspace(0.0, 1.0, 2 * mesh.plan.element.degree_x + 2)
 
@@ -72,32 +74,38 @@ class SectionAngles:
         """Return derivatives of the shape functions (classes, stations, n_shape) on the axis."""
         return np.array([cls.shape(xi, np.zeros_like(xi), i, j) for cls in self.mesh.classes])
 
-    def _along(self, rows: Array, q: Array) -> Array:
-        """Return x and y (2, elements, stations) of the product of rows with the body's coordinates q (n_dofs,)."""
+    def _along(self, rows: Array, q: Array, block: slice) -> Array:
+        """Return x and y (2, block, stations) of the product of rows with the body's coordinates q (n_dofs,)."""
         mesh = self.mesh
-        values = q[mesh.dofs - mesh.first_dof]
+        values = q[mesh.dofs[block] - mesh.first_dof]
         parts = [values[:, k::mesh.plan.element.components] for k in (0, 1)]
         if len(rows) == 1:
             return np.array([part @ rows[0].T for part in parts])
-        return np.array([np.einsum("esk,ek->es", rows[mesh.cls], part) for part in parts])
+        return np.array([np.einsum("esk,ek->es", rows[mesh.cls[block]], part) for part in parts])
 
     @cached_property
-    def _reference(self) -> tuple[Array, Array]:
-        """The rows that give the directions of the sections, and these directions in the reference."""
+    def _directing(self) -> Array:
+        """The rows that give the directions of the sections."""
         across = self.mesh.plan.element.section_kind == "interpolated"
-        rows = self._rows(self.xi, *((0, 1) if across else (1, 0)))
-        return rows, self._along(rows, self.mesh.e0)
+        return self._rows(self.xi, *((0, 1) if across else (1, 0)))
+
+    @cached_property
+    def _reference(self) -> Array:
+        """The directions of the sections in the reference, for the first block of elements."""
+        return self._along(self._directing, self.mesh.e0, self.mesh.blocks[0])
 
     def small(self, d: Array) -> bool:
         """Return whether rotations and strains are so small that all sections are on the same turn."""
-        gradients = self.mesh.gradients
-        return bool(gradients.any()) and float((gradients * np.abs(d[self.coordinates])).max()) < SMALL
+        return self.known and self.mesh.largest_gradient(d) < SMALL
 
     def angles(self, d: Array) -> Array:
         """Return theta (elements, stations) at d, continuous along the body; the first one is nearest to 0."""
-        rows, (x, y) = self._reference
-        dx, dy = self._along(rows, d[self.coordinates])
-        angles = np.arctan2(x * dy - y * dx, x * (x + dx) + y * (y + dy))
+        rows, own = self._directing, d[self.coordinates]
+        angles = np.empty((len(self.mesh.dofs), len(self.xi)))
+        for block in self.mesh.blocks:
+            x, y = self._along(rows, self.mesh.e0, block) if block.start else self._reference
+            dx, dy = self._along(rows, own, block)
+            angles[block] = np.arctan2(x * dy - y * dx, x * (x + dx) + y * (y + dy))
         return np.unwrap(angles.ravel()).reshape(angles.shape)
 
     def follow(self, before: Array, turned: float, d: Array) -> float:
@@ -105,11 +113,13 @@ class SectionAngles:
 
         The full turns are found at the section that moved least between the two states.
         """
-        old, new = self.angles(before), self.angles(d)
+        old, new = (self.angles(at)[:, [0, -1]] for at in (before, d))
         old += whole_turns(turned - old[0, 0])
-        ends = self._rows(self.xi[[0, -1]], 0, 0)
-        dx, dy = self._along(ends, (d - before)[self.coordinates]) / self.mesh.plan.length
-        moved = np.hypot(dx, dy) + np.abs(np.sin(0.5 * (new - old)[:, [0, -1]]))
+        moved = np.abs(np.sin(0.5 * (new - old)))
+        ends, change = self._rows(self.xi[[0, -1]], 0, 0), d[self.coordinates] - before[self.coordinates]
+        for block in self.mesh.blocks:
+            dx, dy = self._along(ends, change, block) / self.mesh.plan.length
+            moved[block] += np.hypot(dx, dy)
         ie, end = divmod(int(np.argmin(moved)), 2)
         return float(new[0, 0] + whole_turns(old[ie, -end] - new[ie, -end]))
 

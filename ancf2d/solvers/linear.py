@@ -14,7 +14,7 @@ from ..kernels.matrices.layout import Fronts, entries
 from ..kernels.matrices.matrix import Band, Csr, scatter_classes
 from ..model.classes import mass_matrix
 from ..model.fronts import make_fronts, meeting
-from ..model.mesh import Index
+from ..model.mesh import Index, joined
 from ..model.model import Model
 from ..model.numbering import Numbering
 from .ldl import SINGULAR, Multipliers, Pivots, SymmetricBand, SymmetricFronts
@@ -317,16 +317,20 @@ def _element_masses(model: Model) -> Iterator[tuple[Index, Array]]:
 
 def scattered(blocks: Iterable[tuple[Index, Array]], n: int) -> csr_matrix:
     """Return the sum (n, n) of blocks: coordinates (m, k) and matrices (m, k, k), or one matrix for all."""
-    from scipy.sparse import coo_matrix
+    from scipy.sparse import coo_matrix, csr_matrix
 
-    rows, columns, values = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
+    # the numbers that a sparse matrix stores: wider ones would be copied
+    index = np.int32 if n < 2**31 else np.int64
+    rows, columns, values = [], [], []
     for dofs, M in blocks:
         m, k = dofs.shape
-        rows.append(np.repeat(dofs, k, axis=1).ravel())
-        columns.append(np.tile(dofs, (1, k)).ravel())
+        short = dofs.astype(index)
+        rows.append(np.repeat(short, k, axis=1).ravel())
+        columns.append(np.tile(short, (1, k)).ravel())
         values.append(np.broadcast_to(M, (m, k, k)).ravel())
-    place = (np.concatenate(rows), np.concatenate(columns))
-    out = coo_matrix((np.concatenate(values), place), shape=(n, n)).tocsr()
+    if not values:
+        return csr_matrix((n, n))
+    out = coo_matrix((joined(values), (joined(rows), joined(columns))), shape=(n, n)).tocsr()
     out.eliminate_zeros()
     return out
 

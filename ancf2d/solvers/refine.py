@@ -66,7 +66,10 @@ def _refined(apply: Map, precondition: Map, norm: Callable[[Array], float], b: A
 
 def _directions(apply: Map, precondition: Map, norm: Callable[[Array], float], r: Array, y: Array,
                 ) -> tuple[Array, bool]:
-    """Return an approximate A^-1 r by preconditioned conjugate gradients, and whether they converged (y = M^-1 r)."""
+    """Return an approximate A^-1 r by preconditioned conjugate gradients, and whether they converged (y = M^-1 r).
+
+    Overwrites r and y.
+    """
     z, p, wanted = np.zeros_like(r), y, GAIN * norm(y)
     rho = float(r @ y)
     if rho == 0.0:
@@ -77,14 +80,17 @@ def _directions(apply: Map, precondition: Map, norm: Callable[[Array], float], r
         curvature = float(p @ Ap)
         if curvature == 0.0 or not np.isfinite(curvature):
             return z, False
-        z = z + (rho / curvature) * p
-        new = r - (rho / curvature) * Ap
+        z += (rho / curvature) * p
+        Ap *= rho / curvature
+        new = np.subtract(r, Ap, out=Ap)
         y = precondition(new)
         if norm(y) <= wanted:
             return z, True
         # Polak-Ribiere formula, because of round-off the factors are not exactly symmetric
-        rho, beta = float(new @ y), float((new - r) @ y) / rho
+        rho, beta = float(new @ y), float(np.subtract(new, r, out=r) @ y) / rho
         if rho == 0.0:
             return z, True
-        r, p = new, y + beta * p
+        p *= beta
+        p += y
+        r = new
     return z, False

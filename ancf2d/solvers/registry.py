@@ -34,9 +34,10 @@ Checkpoint = dict[str, Array]
 
 
 def _linear(model: Model, spec: LinearStatic) -> Iterator[State]:
-    from .statics.static import solve_linear
+    from .statics.linear_static import solve_linear
 
-    return solve_linear(model)
+    # the matrix is gone when the state is processed
+    yield solve_linear(model)
 
 
 def _static(model: Model, spec: Static, start: Start | None = None) -> Iterator[State]:

@@ -13,7 +13,7 @@ from ..elements.shape import Array
 from ..errors import SingularTangentError
 from ..kernels.elements import commit, force, force_noise, force_tangent, natural_slope, tangent_action
 from ..kernels.matrices.matrix import scatter_patches
-from ..model.determinacy import own_motions
+from ..model.determinacy import own_motion
 from ..model.groups import with_trials
 from ..model.mesh import Index
 from ..model.model import Model
@@ -125,7 +125,7 @@ class System:
         if not model.patches and not model.constraints:
             return
         if model.winds:
-            model.turns.set_spring_angles(model.springs, model.e0 + d[:n_q], d[:n_q], self.count(d, t))
+            model.turns.set_spring_angles(model.springs, model.e0 + d[:n_q], d[:n_q], self.count(d.copy(), t))
         yield from model.interactions.patches(d, t, elastic, linear)
 
     def assemble(self, d: Array, t: float, load_stiffness: bool = True, out: Balance | None = None) -> Balance:
@@ -193,26 +193,27 @@ class System:
         """Return the displacement [m] below which nothing moves: the effect of round-off, by the last factors."""
         return ROUNDED * self.norm(self.matrix.solve(self.noise(d, t)))
 
-    def rigid_forces(self) -> Array:
-        """Return the round-off in elastic forces of unit rigid motions (3, n_unknowns), which should cause no force.
+    def rigid_forces(self) -> Iterator[Array]:
+        """Yield the round-off in elastic forces (n_unknowns,) of three unit rigid motions, which should cause no force.
 
         The motions are two translations by 1 m, and a rotation that moves the coordinates by up to 1 m, in the
         reference. The displacements caused by these forces estimate the error of a linear solution: differences of
         displacements as large as these motions distinguish soft motions from stiff ones.
         """
-        n_q = self.model.n_q
-        motions = np.zeros((n_q, 3))
-        for mesh in self.model.meshes.values():
-            motions[mesh.first_dof:mesh.first_dof + mesh.n_dofs] = own_motions(mesh, self.model.e0)
-        out, zero = np.zeros((3, self.model.numbering.n_unknowns)), np.zeros(len(self.model.numbering.place))
-        self.model.set_natural(None)
+        model = self.model
+        zero, moved, forces = (np.zeros(len(model.numbering.place)) for _ in range(3))
+        motion = moved[:model.n_q]
+        model.set_natural(None)
         for k in range(3):
-            moved, forces = zero.copy(), zero.copy()
+            for mesh in model.meshes.values():
+                motion[mesh.first_dof:mesh.first_dof + mesh.n_dofs] = own_motion(mesh, model.e0, k)
+            size = largest(motion, model.weights)
             # not a power of two, whose products would be exact
-            moved[:n_q] = 1.1 * motions[:, k] / np.max(self.model.weights * np.abs(motions[:, k]))
+            motion *= 1.1
+            motion /= size
+            forces.fill(0.0)
             self._act(zero, moved, forces)
-            out[k] = self.model.numbering.reduce(forces) / 1.1
-        return out
+            yield model.numbering.reduce(forces) / 1.1
 
     def accept(self, d: Array, t: float) -> None:
         """Update the history variables of all laws with the accepted state d (n_full,) at t."""
@@ -345,12 +346,15 @@ class System:
         self._counted = turns
 
     def count(self, d: Array, t: float) -> Array:
-        """Count turns up to a state d (n_full,); return them (bodies,). A prescribed angle includes full turns."""
+        """Count turns up to a state d (n_full,), which is kept; return them (bodies,).
+
+        A prescribed angle includes full turns.
+        """
         turns, n_q = self.model.turns, self.model.n_q
         turned = turns.follow(*self._counted, d)
         for point, angle in (prescribed for c in self.model.constraints for prescribed in c.turns_by(t)):
             turns.match_angle(point, angle, self.model.e0 + d[:n_q], d[:n_q], turned)
-        self._counted = d.copy(), turned
+        self._counted = d, turned
         return turned
 
     @property

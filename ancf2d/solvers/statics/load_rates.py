@@ -25,9 +25,8 @@ FORWARD = ((0, -25.0), (1, 48.0), (2, -36.0), (3, 16.0), (4, -3.0))
 def response_size(pencil: Pencil, u: Array) -> float:
     """Return the rotation or strain of a response u (n_full,)."""
     model = pencil.model
-    turned = np.concatenate([mesh.gradients for mesh in model.meshes.values()])
     moved = pencil.system.norm(u[model.numbering.free]) / model.extent
-    return max(moved, float((turned * np.abs(u[:model.n_q])).max(initial=0.0)))
+    return max(moved, *(mesh.largest_gradient(u) for mesh in model.meshes.values()))
 
 
 def step_of(pencil: Pencil, u: Array, size: float) -> float:

@@ -50,8 +50,8 @@ CYCLE = 4
 class NewtonResult:
     """A converged state of Newton's method, with the largest residual [N, N m].
 
-    ``first`` (n_unknowns,) is the first correction; ``uncertainty`` [m] if round-off ended the iteration, else 0;
-    ``overlap`` [m] is the deepest penetration of an obstacle.
+    ``first`` (n_unknowns,) is the first correction, if the iteration began at an equilibrium; ``uncertainty`` [m] if
+    round-off ended it, else 0; ``overlap`` [m] is the deepest penetration of an obstacle.
     """
 
     d: Array
@@ -61,13 +61,14 @@ class NewtonResult:
     residual: float
     iterations: int
     increments: list[float]
-    first: Array
+    first: Array | None
     negative_pivots: int
     uncertainty: float
     overlap: float = 0.0
 
 
-def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
+def newton(system: System, d: Array, t_old: float | None, t: float, tolerance: float, max_iterations: int
+           ) -> NewtonResult:
     """Return the equilibrium at t as ``_newton`` does, without adhesion at contacts and penetration of obstacles.
 
     Contact points are opened and closed between equilibria until none changes. Raises ComputationError.
@@ -78,7 +79,7 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
         return result
     kept = memory(system.model)
     rough = any(pair.hard and pair.item.friction for pair in system.model.contacts)
-    initialise_active_set(system, d, t_old)
+    initialise_active_set(system, d, t if t_old is None else t_old)
     try:
         first = _held(system, d, t_old, t, tolerance, max_iterations)
         check_supports(system, first.d, t)
@@ -95,7 +96,8 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
         raise
 
 
-def _held(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
+def _held(system: System, d: Array, t_old: float | None, t: float, tolerance: float, max_iterations: int
+          ) -> NewtonResult:
     """Return the equilibrium as ``_newton`` does; while sliding contacts leave the tangent singular, let one stick."""
     while True:
         try:
@@ -121,30 +123,30 @@ def _settled(system: System, result: NewtonResult, t: float, tolerance: float, m
     raise not_found(t, worst)
 
 
-def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
-    """Return the equilibrium at t from the state d at t_old; d is overwritten with the result.
+def _newton(system: System, d: Array, t_old: float | None, t: float, tolerance: float, max_iterations: int
+            ) -> NewtonResult:
+    """Return the equilibrium at t from the state d at t_old, or a guess if that is None; d is overwritten.
 
     Converged means that the next increment, by the observed contraction, would be below ``tolerance`` of the
     displacements and the forces balance to 1e-8 of the largest, or to their round-off; or that increments have stopped
     decreasing while the residual is no more than round-off. Raises ComputationError if it does not converge.
     """
-    num, z = system.model.numbering, np.empty(system.model.numbering.n_unknowns)
+    num, z, first = system.model.numbering, np.empty(system.model.numbering.n_unknowns), None
     at = {"factor": float(f"{t:.6g}")}
-    increments: list[float] = []
-    residuals: list[float] = []
+    increments, residuals = list[float](), list[float]()
     for iteration in range(1, max_iterations + 1):
-        moved = iteration == 1 and system.model.moves and t != t_old
-        balance = moved_balance(system, d, t_old, t) if moved else system.assemble(d, t, out=system.room)
+        balance = moved_balance(system, d, t_old if iteration == 1 else None, t)
         residuals.append(largest(balance.R))
         if not np.isfinite(residuals[-1]):
             raise ComputationError("the forces are no longer finite", at=at, history=residuals)
         pivots = system.factor(at)
         if iteration == 1:
-            system.check_tangent(d, t_old if moved else t, pivots)
+            system.check_tangent(d, t if t_old is None or not system.model.moves else t_old, pivots)
         z = system.matrix.solve(balance.R, out=z)
         np.negative(z, out=z)
         if iteration == 1:
-            first = z.copy()
+            # multipliers change the tangent even if nothing moves
+            presses, first = z[num.free >= num.n_q].any(), None if t_old is None else z.copy()
         increments.append(system.norm(z))
         check_divergence(increments, system.model.extent, at, residuals)
         # such small corrections are lost in the round-off of the coordinates
@@ -155,13 +157,11 @@ def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, 
             break
         np.add(d[num.where], uncycled(z, increments, system.model), out=z)
         system.model.displacements(z, t, out=d)
-        # multipliers change the tangent even if nothing moves
-        settled = iteration > 1 or not first[num.free >= num.n_q].any()
         # bodies that rest on obstacles may not move at all
         rests = bool(system.model.contacts) and nothing
         # an unloaded model returns to zero displacement and force, which leaves no scale to compare with
         idle = iteration > 3 and max(increments[-3:]) <= UNIT_ROUNDOFF * system.model.extent
-        if settled and (idle or rests or has_converged(increments, system.norm(z), tolerance)):
+        if (iteration > 1 or not presses) and (idle or rests or has_converged(increments, system.norm(z), tolerance)):
             balance = system.forces(d, t, out=system.room)
             if idle or balanced(system, balance, d, t):
                 uncertainty = 0.0
@@ -169,7 +169,9 @@ def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, 
     else:
         raise ComputationError(f"Newton's method did not converge in {max_iterations} iterations", at=at,
                                history=residuals)
-    return NewtonResult(d, balance.Q.copy(), balance.F, balance.energy, largest(balance.R), iteration, increments,
+    # the result keeps these forces; allocated but untouched, others take no memory yet
+    system.room.Q = np.empty_like(balance.Q)
+    return NewtonResult(d, balance.Q, balance.F, balance.energy, largest(balance.R), iteration, increments,
                         first, pivots.negative - num.n_multipliers, uncertainty)
 
 
@@ -189,12 +191,15 @@ def at_floor(R: Array, noise: Array) -> bool:
     return all(bool(np.all(np.abs(R[part]) <= FLOOR * noise[part])) for part in chunks(len(R)))
 
 
-def moved_balance(system: System, d: Array, t_old: float, t: float) -> Balance:
+def moved_balance(system: System, d: Array, t_old: float | None, t: float) -> Balance:
     """Return the residual of the linear predictor for motion prescribed between the old and the new factor.
 
-    The tangent is that of the old state, with the old values of the motion.
+    The tangent is that of the old state, with the old values of the motion. Without such a motion, balance and tangent
+    are those at d and t, in the room of the system.
     """
     model = system.model
+    if t_old is None or t_old == t or not model.moves:
+        return system.assemble(d, t, out=system.room)
     system.assemble(d, t_old)
     moved = model.displacements(d[model.numbering.where], t)
     loads = system.forces(d, t)

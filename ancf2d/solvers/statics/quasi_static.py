@@ -216,7 +216,7 @@ class Course:
     def _solve(self, t: float, h: float, path: Path) -> NewtonResult:
         self.model.set_step(h)
         alone = len(path.t) == 1
-        result = newton(self.system, path.extrapolate(t + h).copy(), t if alone else t + h, t + h, self.close,
+        result = newton(self.system, path.extrapolate(t + h), t if alone else None, t + h, self.close,
                         self.iterations)
         check_sound(self.model, result.d, (path.d[-1], t), t + h)
         return result

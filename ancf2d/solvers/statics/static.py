@@ -1,4 +1,4 @@
-"""Static equilibrium: one linear solve, or Newton's method with adaptive load steps."""
+"""Static equilibrium by Newton's method with adaptive load steps."""
 
 from __future__ import annotations
 
@@ -15,14 +15,12 @@ from ...model.build import can_hang
 from ...model.model import Model
 from ...model.timing import PathTiming
 from ..contact import memory, restore_memory
-from ..refine import refined
 from ..state import State
 from ..system import System, Turned
 from ..threads import largest
 from .hanging import FALLS, FELL, hanging, slack, tethered
 from .newton import (
     MAX_ITERATIONS,
-    POOR,
     TOLERANCE,
     NewtonResult,
     Start,
@@ -34,11 +32,8 @@ from .newton import (
     newton,
     state_of,
 )
-from .one_sided import check_taut
 from .step_control import Jumps, Path, Stride
 
-# displacements with a larger relative uncertainty are useless
-HOPELESS = 0.5
 # a singular tangent within this share of the load factor after an equilibrium indicates a critical load
 NEXT = 1e-3
 # share of a step whose loads predict the change over all of it, if tendons would be slack under those at its end
@@ -48,57 +43,6 @@ ROUND = 1e-9
 # advice if no equilibrium over time is found
 BEYOND = ("a limit load is likely, beyond which only solver dynamic can continue; else supports that leave no "
           "mechanism")
-
-
-def solve_linear(model: Model) -> Iterator[State]:
-    """Yield the one state of linear statics: K(0) d = Q_k with every load at its full factor.
-
-    Moments and follower loads act in the reference directions; linear theory has no load stiffness. Raises
-    ComputationError if no digit of the displacements is significant.
-    """
-    system, num = System(model), model.numbering
-    zero = np.zeros(len(num.place))
-    start = system.assemble(zero, 1.0, load_stiffness=False)
-    pivots = system.factor({"solver": "linear_static"})
-    d = model.displacements(np.zeros(num.n_unknowns), 1.0)
-
-    def apply(z: Array) -> Array:
-        return num.reduce(system.action(zero, num.expanded(z), 1.0, linear=True))
-
-    system.check_strained(apply, pivots, {"solver": "linear_static"})
-    load = -num.reduce(start.Q - start.F + (system.action(zero, d, 1.0, linear=True) if d.any() else 0.0))
-    floor = max(system.norm(system.matrix.solve(f)) for f in system.rigid_forces())
-    z, known = refined(apply, system.matrix.solve, system.norm, load, floor,
-                       lambda: system.displacement_noise(zero, 1.0))
-    if not np.isfinite(system.norm(z)):
-        raise ComputationError("the linear solve gave displacements that are not finite",
-                               at={"solver": "linear_static"}, advice="check loads and stiffnesses for extreme values")
-    if known > HOPELESS:
-        raise ComputationError(
-            "the stiffness is too ill-conditioned: no digit of the displacements is significant",
-            at={"solver": "linear_static"}, advice="fewer or longer elements, another element type, or solver static")
-    d = model.displacements(z, 1.0)
-    check_taut(model, d)
-    elastic = system.action(zero, d, 1.0, linear=True)
-    energy = 0.5 * float(elastic[:model.n_q] @ d[:model.n_q])
-    natural = np.zeros_like(d)
-    energy += system.add_natural(natural, zero, None, 1.0) + float(natural @ d)
-    history = {"step": 1, "factor": 1.0, "iterations": 1, "residual": 0.0, "increment": system.norm(d[num.where]),
-               "cutbacks": 0, "energy": energy, "negative_pivots": pivots.negative - num.n_multipliers}
-    warnings = [] if known <= POOR else [
-        f"round-off limits the displacements: they are accurate to about {known:.1g} of the largest. Fewer or longer "
-        "elements, or solver static, give more digits"]
-    warnings += _pretensioned(model, d)
-    yield State(1.0, d, start.Q + elastic, start.F, energy, linear=True, history=history, warnings=warnings)
-
-
-def _pretensioned(model: Model, d: Array) -> list[str]:
-    """Return a warning that section forces neglect how the pretension of an elastic tendon rotates with its body."""
-    rest, moved = np.zeros(model.n_q), d[:model.n_q]
-    names = sorted({g.mesh.plan.name for g in model.loads.guides
-                    if 0.0 < g.tension(rest, 1.0) != g.tension(moved, 1.0)})
-    return [f"N, Q and M of {', '.join(names)} neglect the rotation of the tendon's pretension with the body: use "
-            "solver static for them"] if names else []
 
 
 def solve_static(model: Model, steps: int | None = None, tolerance: float | None = None,
@@ -120,7 +64,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
         yield state_of(system, near, end, 1, 0, [])
         return
     march = March(system, 1.0 / (steps or LOAD_STEPS), tolerance, max_iterations)
-    soft, begin = end != 0.0 and slack(model), (march.d.copy(), march.turns, march.load)
+    soft = end != 0.0 and slack(model)
     failed: ComputationError | None = None
     try:
         if model.hangs:
@@ -130,7 +74,8 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
     except ComputationError as error:
         # contacts may hold the model once it has fallen on them, and tendons once they are tight
         if end != 0.0 and tethered(model):
-            (march.d, march.turns, march.load), failed = begin, error
+            march.begin()
+            failed = error
         elif march.load.factor == 0.0 != end and model.contacts and can_hang(model.case):
             failed = error
         elif not (model.hangs or soft):
@@ -205,16 +150,22 @@ class March:
     def __init__(self, system: System, longest: float, tolerance: float, max_iterations: int) -> None:
         self.system, self.model, self.longest = system, system.model, longest
         self.tolerance, self.max_iterations = tolerance, max_iterations
-        self.d = self.model.displacements(np.zeros(self.model.numbering.n_unknowns), 0.0)
-        self.negative, self.load = 0, Load(0.0, 0.0)
+        self.negative = 0
         # forces (n_unknowns,) that balance the reference at factor 0, with springs not yet tightened
         self.held: Array | None = None
         self.tightens = True
-        self.system.count(self.d, 0.0)
-        self.turns = self.system.turns()
+        self.begin()
         self.jumps = Jumps(self.model)
         if self.model.contacts:
             self.model.interactions.set_friction_anchors(self.d, 0.0)
+
+    def begin(self) -> None:
+        """Start from the reference, without loads."""
+        self.d = self.model.displacements(np.zeros(self.model.numbering.n_unknowns), 0.0)
+        self.load = Load(0.0, 0.0)
+        self.system.count_from((np.zeros_like(self.d), np.zeros(len(self.model.meshes))))
+        self.system.count(self.d, 0.0)
+        self.turns = self.system.turns()
 
     def settle(self) -> tuple[int, list[str]]:
         """Go to the equilibrium at factor 0; return the number of iterations and warnings.
@@ -325,19 +276,21 @@ class March:
                 path = Path([], [])
             path.push(target, result.d)
             stride.accept(target)
+            # long vectors that the next step does not need
+            del result, state
 
     def _step(self, path: Path, target: float, old: Load, new: Load) -> NewtonResult:
         """Return the equilibrium at s = ``target``. Raises ComputationError if none follows from the last one."""
         model, last, first, t = self.model, path.d[-1], len(path.t) == 1, new.factor
         self._set(new, self.turns)
-        result = newton(self.system, path.extrapolate(target), old.factor if first else t, t, self.tolerance,
+        result = newton(self.system, path.extrapolate(target), old.factor if first else None, t, self.tolerance,
                         self.max_iterations)
         check_sound(model, result.d, (last, old.factor), t)
         # no jump if Newton's method has changed little of the extrapolation; with history variables, the tangents may
         # be those of unloading, which do not predict the path
         if not model.remembers and sum(result.increments) > 0.5 * self.system.distance(result.d, last):
             turns = result.d, self.system.count(result.d, t)
-            foretold = result.first if first else self._foretold(self.turns, old, new)
+            foretold = self._foretold(self.turns, old, new) if not first or result.first is None else result.first
             self.jumps.check(self.system, last, result.d, foretold, t)
             self.jumps.check(self.system, result.d, last, self._foretold(turns, new, old), t)
             self._set(new, turns)
@@ -352,7 +305,7 @@ class March:
         there = here.towards(there, share)
         system, t, d = self.system, there.factor, state[0]
         self._set(there, state)
-        R = (moved_balance(system, d, here.factor, t) if self.model.moves else system.assemble(d, t)).R
+        R = moved_balance(system, d, here.factor, t).R
         system.factor({"factor": float(f"{t:.6g}")})
         return -system.matrix.solve(R) / share
 
