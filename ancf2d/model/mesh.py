@@ -285,7 +285,7 @@ class BodyMesh:
         sizes = [w * max(i / l, j / half) for w, (i, j) in zip(self.shape_weights.tolist(), orders, strict=True)]
         return np.array([v for g in sizes for v in ([g, g] if element.components == 2 else [g, g, 1.0])])
 
-    @property
+    @cached_property
     def blocks(self) -> list[slice]:
         """The elements in blocks: evaluated at once, long bodies would need much memory."""
         return [slice(k, k + BLOCK) for k in range(0, len(self.dofs), BLOCK)]
@@ -296,7 +296,7 @@ class BodyMesh:
         for block in self.blocks:
             part = d[self.dofs[block]]
             most.append((self.gradients * np.abs(part, out=part)).max())
-        return float(np.max(most))
+        return float(most[0] if len(most) == 1 else np.max(most))
 
     @cached_property
     def kinds(self) -> NDArray[np.int8]:
