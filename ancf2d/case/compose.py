@@ -13,6 +13,7 @@ from .binder import MAX_PROBLEMS
 from .nodes import Broken, Entry, ListNode, MapNode, Mark, Node, Origin, Scalar, quoted
 
 STDIN = "<stdin>"  # name of the standard input, where a file name is expected
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 MAX_BYTES = 16 * 2**20
 MAX_DEPTH = 40
 MAX_VALUES = 500_000  # keys and values; this number takes ten seconds and 300 MB
@@ -54,6 +55,9 @@ def read_text(path: str | os.PathLike[str]) -> str:
         raise CaseError(Problem(f"cannot read the file: {reason}", file=name)) from None
     if len(data) > MAX_BYTES:
         raise CaseError(Problem(f"the file is larger than {MAX_BYTES // 2**20} MB", file=name))
+    if data.startswith(_HDF5):
+        raise CaseError(Problem("this is an HDF5 file, such as a result file, and no YAML text", file=name,
+                                expected="a case; 'ancf2d info' shows what a result file contains"))
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

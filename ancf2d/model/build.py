@@ -318,8 +318,10 @@ class _Builder:
             # only the loads determine what a body rests on
             motions = []
         if motions and can_hang(self.case):
-            # gravity can hold motions with rotation; others have no equilibrium, or infinitely many
-            motions = free_motions(*scene, sliding=True)
+            # gravity can hold motions with rotation, and across what bodies hang on; others have no equilibrium, or
+            # infinitely many
+            weights = [load.acceleration for load in self.case.loads if load.acceleration is not None]
+            motions = free_motions(*scene, weight=np.sum(weights, axis=0))
             self.hangs = not motions
         for motion in motions:
             idle = [spring.path for spring in self.springs

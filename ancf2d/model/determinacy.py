@@ -21,6 +21,8 @@ from .point_patch import PointConstraint
 # a linear function of the unknowns, a pair of functions as one complex function; the key -1 - r is the prescribed
 # motion of row r
 Terms = dict[int, complex]
+# relative elongation of springs under a weight
+STRETCH = 1e-2
 # relative difference below which coefficients count as equal
 EQUAL = 1e-9
 
@@ -55,15 +57,19 @@ def own_motion(mesh: BodyMesh, e0: Array, k: int) -> Array:
 
 
 def _resistance(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Spring],
-          e0: Array, centres: list[Array], sizes: list[float]) -> Array:
-    """Return coefficients (equations, 3 bodies) of equations and springs on rigid motions; rotations times length."""
+                e0: Array, centres: list[Array], sizes: list[float], fall: Array | None) -> Array:
+    """Return coefficients (equations, 3 bodies) of equations and springs on rigid motions; rotations times length.
+
+    ``fall`` (n_q,) moves all bodies as their weight does; springs that it stretches also resist motions across them.
+    """
     first = np.array([m.first_dof for m in meshes])
     found = [(r.coords, r.coefs) for r in rows]
     found += [(c.dofs, c.reference_gradient()) for c in constraints]
     for spring in springs:
-        values, vectors = np.linalg.eigh(spring.reference_stiffness())
-        keep = values > 1e-9 * _stiffness(spring)
-        found += [(spring.dofs[0], v) for v in vectors.T[keep]]
+        for K in _under_weight(spring, fall) if fall is not None else [spring.reference_stiffness()]:
+            values, vectors = np.linalg.eigh(K)
+            keep = values > 1e-9 * _stiffness(spring)
+            found += [(spring.dofs[0], v) for v in vectors.T[keep]]
     out, terms = np.zeros((len(found), 3 * len(meshes))), np.zeros(len(found))
     coords, coefs = (np.concatenate([f[k] for f in found] or [first[:0]]) for k in (0, 1))
     equation = np.repeat(np.arange(len(found)), [len(f[0]) for f in found])
@@ -83,6 +89,20 @@ def _resistance(meshes: list[BodyMesh], rows: list[Row], constraints: list[Const
     # terms that cancel, as for a rigid length or a spring within a body, resist no motion; only round-off is left
     some = norm > 1e-12 * terms
     return out[some] / norm[some, None]
+
+
+def _under_weight(spring: Spring, fall: Array) -> list[Array]:
+    """Return the stiffness (n, n) of a spring in the reference and, if ``fall`` may stretch it, stretched.
+
+    A spring across the fall, or one that it compresses, does not hold a body.
+    """
+    _, H, _ = spring.forces(np.zeros(len(spring.p0)), 0.0)
+    way, moved = np.linalg.eigh(H)[1][:, -1], spring.G @ fall[spring.dofs[0]]
+    along, size = float(way @ moved), STRETCH * max(float(np.abs(spring.p0).max(initial=0.0)), 1e-300)
+    # between bodies that fall alike, the spring bears one or the other
+    sides = (1.0, -1.0) if not moved.any() else (np.sign(along),) if abs(along) > EQUAL * np.abs(moved).max() else ()
+    found = [H, *(spring.forces(side * size * way, 0.0)[1] for side in sides)]
+    return [spring.G.T @ H @ spring.G for H in found]
 
 
 def _stiffness(spring: Spring) -> float:
@@ -119,16 +139,19 @@ def _kernel(A: Array) -> Array:
 
 
 def free_motions(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Spring],
-                 e0: Array, sliding: bool = False) -> list[str]:
+                 e0: Array, weight: Array | None = None) -> list[str]:
     """Return a sentence for each independent rigid motion that no support, joint or spring resists.
 
-    With ``sliding``, consider only motions in which no body rotates.
+    With the direction of a ``weight`` (2,), which can hold other motions, consider only those in which no body rotates,
+    and springs and tendons on which bodies hang.
     """
     centres = [np.asarray(m.plan.position(0.5)[0]) for m in meshes]
     sizes = [m.plan.length for m in meshes]
-    held = _resistance(meshes, rows, constraints, springs, e0, centres, sizes)
+    fall = None if weight is None else np.concatenate(
+        [np.where(mesh.kinds == 0, weight[0], np.where(mesh.kinds == 1, weight[1], 0.0)) for mesh in meshes])
+    held = _resistance(meshes, rows, constraints, springs, e0, centres, sizes, fall)
     null = _kernel(held) if len(held) else np.eye(3 * len(meshes))
-    if sliding:
+    if weight is not None:
         null = _kernel(null[:, 2::3].T) @ null
     # reduced row echelon form, so that each sentence involves as few bodies as possible
     null = null.copy()

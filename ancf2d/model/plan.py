@@ -304,6 +304,8 @@ def plan_bodies(loaded: LoadedCase, moving: bool = False, known: Mapping[str, Bo
             plans[name] = replace(_computable(plan_body(name, *source)), source=source)
             if weighed and isinstance(body.section, Layers):
                 _check_mass(plans[name])
+            if loaded.case.solver.moves:
+                _check_inertia(plans[name])
         except ArithmeticError:
             problems.append(loaded.source.problem(("bodies", name), _incomputable(name)))
         except AxisError as error:
@@ -331,6 +333,15 @@ def _check_mass(plan: BodyPlan) -> None:
         raise PartError(("section", "axis"), f"bodies.{plan.name}: the centre of mass is {off:g} away from the "
                         f"axis, but {plan.element.name} has its mass on the axis",
                         f"axis: {section.height_of_axis + off:.9g}, or a type of vallejo, ancf")
+
+
+def _check_inertia(plan: BodyPlan) -> None:
+    """Raise PartError if rotations of sections are coordinates without rotary inertia, which no motion determines."""
+    section = plan.section
+    if plan.element.has_theta and not plan.rigid and section.rhoI == 0.0 < section.rhoA:
+        raise PartError(("section", "rhoI"), f"bodies.{plan.name}.section.rhoI is 0, so the rotations of sections, "
+                        f"which are coordinates of {plan.element.name}, have no inertia in motion",
+                        f"rhoI > 0, such as rhoA EI/EA = {section.rhoA * section.EI / section.EA:.6g}, or type cable")
 
 
 def _computable(plan: BodyPlan) -> BodyPlan:

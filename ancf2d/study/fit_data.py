@@ -121,7 +121,7 @@ def _gap(x: Array) -> float:
 
 def _misnamed(names: Sequence[str], file: str) -> Problem:
     return Problem(f"the first column is '{names[0][:40]}'" if names else "there is no column", file=file,
-                   expected="t, factor or hz")
+                   expected="t, factor or hz" + ", in columns separated by commas" * (";" in "".join(names[:1])))
 
 
 def data_of(columns: Mapping[str, Any], file: str = "") -> Data:

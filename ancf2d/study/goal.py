@@ -14,7 +14,7 @@ from ..elements.shape import Array
 from ..errors import CaseError, ComputationError
 from ..model.model import Model
 from .record import Progress
-from .run import Outcome, Solve, describe_goal, quantity, run_case
+from .run import Outcome, Solve, lacking, quantity, run_case
 from .windows import window_key, window_of
 
 if TYPE_CHECKING:
@@ -250,8 +250,9 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, target:
     if outcome.failure is not None:
         raise outcome.failure
     if not found:
-        raise ComputationError(": ".join([f"the solver does not compute {describe_goal(goal)}",
-                                          *["; ".join(outcome.warnings)] * bool(outcome.warnings)]))
+        # other warnings say why there are fewer load factors or limit points
+        more = [] if goal is None or goal.kind is not None else [w for w in outcome.warnings if "goal has no" not in w]
+        raise ComputationError(": ".join([lacking(goal, outcome.summary), *["; ".join(more)] * bool(more)]))
     return Solved(found[0], outcome, watch.last)
 
 

@@ -257,6 +257,8 @@ class DifferentiableRun:
                                     for_differences=True)
                     if numbering_of(found) != self.numbering:
                         raise UnsuitedError("the unknowns change with the number")
+                    if rubs(found) != rubs(self.model):
+                        raise UnsuitedError("friction depends on the way to a state")
                     if self.model.case.solver.timed and _times_of(found) != _times_of(self.model):
                         raise UnsuitedError("the times of steps and of stored states change with the number")
                     models[step] = found
@@ -308,6 +310,11 @@ class DifferentiableRun:
         return None if weights is None else weights(self.values)
 
 
+def rubs(model: Model) -> bool:
+    """Return whether any contact has friction."""
+    return any(pair.item.friction for pair in model.contacts)
+
+
 def why_no_response(model: Model) -> str:
     """Return why the states of a model have no response to changes, or an empty text if they have one."""
     solver = model.case.solver
@@ -316,7 +323,7 @@ def why_no_response(model: Model) -> str:
     balances = isinstance(solver, LinearStatic | Static | QuasiStatic)
     if model.remembers and (model.case.remembers_way if balances else not solver.scales or model.loads.flows):
         return "materials depend on the load history"
-    if any(pair.item.friction for pair in model.contacts):
+    if rubs(model):
         return "friction depends on the way to a state"
     if solver.scales and not model.loads.flows and next(unscaled(model), None) is not None:
         return "constant loads have moved the model before"

@@ -100,7 +100,7 @@ class Recorder:
         self.state = state
         if self.reads_all:
             self.probes = self.observer.observe(state)
-        self._warn(state.warnings)
+        self.warn(state.warnings)
         self.report.update(state.report)
         self.between.check(state)
         if self.moves:
@@ -116,7 +116,7 @@ class Recorder:
         """Report the worst of the collected warnings, and check the last state as a whole."""
         from ..model.element_limits import coarse_warnings
 
-        self._warn(map(str, self.worst.values()))
+        self.warn(map(str, self.worst.values()))
         if self.between.checks:
             self.report["contact_error"] = self.between.error
         if self.state is not None and not self.reads_all:
@@ -124,13 +124,14 @@ class Recorder:
         if self.state is None or not self.progress.checks_mesh:
             return
         if not self.state.linear:
-            self._warn(coarse_warnings(self.model, self.state.d))
-        self._warn(self.between.warnings())
-        self._warn(self.resolution.warnings(self.state))
+            self.warn(coarse_warnings(self.model, self.state.d))
+        self.warn(self.between.warnings())
+        self.warn(self.resolution.warnings(self.state))
         if self.progress.checks_zones:
-            self._warn(self.zones.warnings(self.state))
+            self.warn(self.zones.warnings(self.state))
 
-    def _warn(self, texts: Iterable[str]) -> None:
+    def warn(self, texts: Iterable[str]) -> None:
+        """Report warnings; of those that concern single states, only the worst of each kind at the end."""
         for text in texts:
             if not isinstance(text, Graded):
                 self.warnings.append(text)

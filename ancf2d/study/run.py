@@ -208,6 +208,9 @@ def summarise(loaded: LoadedCase, model: Model, recorder: Recorder, failure: Com
     out.update(recorder.totals)
     out["wall_s"] = recorder.clock.seconds
     out["checks"] = checks(loaded.case, out) if failure is None else []
+    goal = loaded.case.goal
+    if failure is None and goal is not None and quantity(goal, out) is None:
+        recorder.warn([f"the goal has no value: {lacking(goal, out)}"])
     out["output"] = None
     out["warnings"] = recorder.warnings
     return out
@@ -264,6 +267,14 @@ def describe_goal(goal: Any) -> str:
     factor = None if goal.load_factor is None else f"load factor {goal.load_factor}"
     parts = (limit, factor, goal.probe, goal.reaction, goal.quantity, goal.kind, goal.number)
     return " ".join(str(p) for p in parts if p is not None)
+
+
+def lacking(goal: Any, summary: dict[str, Any]) -> str:
+    """Return the reason why a solution has no value for a goal."""
+    if goal.kind is not None and "frequencies" in summary:
+        return (f"{describe_goal(goal)} is not among the {len(summary['frequencies'])} modes found. Raise "
+                "solver.modes, or name another mode")
+    return f"the solver does not compute {describe_goal(goal)}"
 
 
 def checks(case: Case, summary: dict[str, Any]) -> list[dict[str, Any]]:

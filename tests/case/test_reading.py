@@ -4,7 +4,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from ancf2d.case import load_case
+from ancf2d.errors import CaseError
 
 HERE = Path(__file__).parent
 
@@ -26,3 +29,9 @@ def test_a_table_of_20000_points_is_read_whole(vocabulary, tmp_path):
     path.write_text(text)
     loaded = load_case(path, vocabulary=vocabulary)
     assert loaded.case.loads[0].amplitude.value(19998.5) == 19998.5
+
+
+def test_a_result_file_is_told_from_a_case(tmp_path):
+    (tmp_path / "beam.h5").write_bytes(b"\x89HDF\r\n\x1a\n\x00")
+    with pytest.raises(CaseError, match=r"an HDF5 file, such as a result file.*ancf2d info"):
+        load_case(tmp_path / "beam.h5")

@@ -75,3 +75,17 @@ def test_what_no_rectangle_can_be_is_refused_by_types_with_a_body():
     assert plan("cable", {"EA": 1e4, "EI": 1.0}).EI == 1.0
     with pytest.raises(CaseError, match="kGA"):
         plan("reissner3", {"EA": 1e4, "EI": 1.0})
+
+
+@pytest.mark.parametrize(("element", "solver", "told"), [
+    ("reissner3", {"type": "dynamic", "t_end": 1}, True), ("cable", {"type": "dynamic", "t_end": 1}, False),
+    ("reissner3", {"type": "eigen", "modes": 1}, False)])
+def test_sections_without_rotary_inertia_have_modes_but_no_motion(element, solver, told):
+    body = {"geometry": helpers.line(1.0), "section": {"EA": 1e4, "kGA": 1e4, "EI": 2.0, "rhoA": 3.0, "rhoI": 0.0},
+            "element": {"type": element, "count": 2}}
+    scene = {"bodies": {"b": body}, "solver": solver, "bc": [{"type": "clamp", "at": "b@0"}]}
+    if told:
+        with pytest.raises(CaseError, match=r"section.rhoI is 0, .* rhoA EI/EA = 0\.0006, or type cable"):
+            helpers.build(**scene)
+    else:
+        assert helpers.build(**scene).n_q > 0

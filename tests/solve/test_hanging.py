@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.special import jn_zeros
 
@@ -157,6 +158,49 @@ def test_a_load_on_a_rope_from_a_crane_starts_to_move_from_rest(tmp_path: Path) 
     hook = moving["probes"]["hook"]
     assert (hook["x"], hook["y"]) == pytest.approx([still["probes"]["hook"][k] for k in "xy"], abs=1e-7)
     assert math.hypot(hook["vx"], hook["vy"]) < 1e-6
+
+
+BAR = {"geometry": {"type": "line", "start": [0, -1], "end": [0, -1.5]},
+       "element": {"type": "rigid", "mass": 40.0, "inertia": 1.0}}
+
+
+@pytest.mark.parametrize("elastic", ["spring", "tendon"])
+@pytest.mark.parametrize("x", [0.0, 0.5])
+def test_a_bar_hangs_on_a_spring_or_tendon_alone(tmp_path: Path, elastic: str, x: float) -> None:
+    """It hangs below the hook, and swings as a double pendulum whose upper arm is the spring."""
+    k, m, a, inertia = 1e4, 40.0, 0.25, 1.0
+    case: dict[str, Any] = {"bodies": {"bar": BAR}, "output": {"probes": {"top": "bar@0"}}}
+    if elastic == "spring":
+        case["springs"] = [{"type": "translational", "between": [[x, 0], "bar@0"], "stiffness": k}]
+        l0, rate = math.hypot(x, 1.0), k
+    else:
+        case["loads"] = [*GRAVITY, {"type": "tendon", "through": [[x, 0], "bar@0"], "stiffness": k}]
+        l0, rate = math.hypot(x, 1.0), k / math.hypot(x, 1.0)
+    length = l0 + m * G / rate
+    top = solved(tmp_path, **case)["probes"]["top"]
+    assert [top["x"], top["y"]] == pytest.approx([x, -length], abs=1e-7)
+    found = solved(tmp_path, **case, solver={"type": "eigen", "modes": 3, "about": "static"})["frequencies"]
+    K = np.diag([m * G / length, rate, m * G * a])
+    M = np.array([[m, 0.0, m * a], [0.0, m, 0.0], [m * a, 0.0, inertia + m * a * a]])
+    assert [f["omega"] for f in found] == pytest.approx(np.sqrt(eigh(K, M)[0]), rel=1e-6)
+
+
+def test_what_hangs_on_one_another_bears_what_is_below(tmp_path: Path) -> None:
+    rope = {"geometry": {"type": "line", "start": [0.1, -2], "end": [0.1, -3]},
+            "section": {"EA": 1e5, "EI": 10.0, "rhoA": 5.0}, "element": {"type": "cable", "count": 2}}
+    k, below = 1e4, math.hypot(0.1, 0.5)
+    springs = [{"type": "translational", "between": pair, "stiffness": k}
+               for pair in ([[0, 0], "bar@0"], ["bar@1", "rope@0"])]
+    found = solved(tmp_path, bodies={"bar": BAR, "rope": rope}, springs=springs, output={"probes": {"end": "rope@1"}})
+    y = -(1.0 + 45.0 * G / k) - 0.5 - (below + 5.0 * G / k) - (1.0 + 5.0 * G / 2e5)
+    assert [found["probes"]["end"][q] for q in "xy"] == pytest.approx([0.0, y], abs=1e-7)
+
+
+@pytest.mark.parametrize("hook", [[0, -3], [2, -1]])
+def test_a_spring_below_or_beside_a_body_does_not_hold_it(tmp_path: Path, hook: list[float]) -> None:
+    with pytest.raises(CaseError, match="'bar' is free to move along"):
+        solved(tmp_path, bodies={"bar": BAR}, springs=[
+            {"type": "translational", "between": [hook, "bar@0"], "stiffness": 1e4}])
 
 
 def test_what_slides_or_falls_is_refused_as_before(tmp_path: Path) -> None:

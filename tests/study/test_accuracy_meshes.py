@@ -17,6 +17,7 @@ from ancf2d.study.accuracy.pursuit import EstimateOf, Pursuit, tenth
 from ancf2d.study.accuracy.setting import Level, Setting, least
 from ancf2d.study.goal import GoalValue, solve_for_goal
 from ancf2d.study.record import Progress
+from ancf2d.study.run import run_case
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
@@ -42,6 +43,20 @@ def test_a_goal_that_no_mesh_has_is_told_with_the_reason():
                             .replace("goal: {probe: tip, quantity: uy}", "goal: {load_factor: 1}"))
     with pytest.raises(ComputationError, match="does not compute load factor 1: 0 positive load factors were found"):
         solve_for_goal(pulled)
+
+
+def test_meshes_end_where_finer_ones_lack_the_goal():
+    """One element has a shear mode among its first ten; finer meshes have slower modes instead."""
+    beam = load_case_text(CANTILEVER.replace("ELEMENT", "{type: vallejo, count: 2}")
+                          .replace("type: static", "type: eigen, modes: 10")
+                          .replace("goal: {probe: tip, quantity: uy}", "goal: {kind: shear, number: 1}"))
+    pursuit, told = Pursuit(beam, 1e-3, Progress()), []
+    Ladder(pursuit, {}, None).climb(1e-3)
+    assert pursuit.levels[0].answer is not None
+    assert pursuit.levels[-1].setting.elements <= 64
+    assert "shear 1 is not among the 10 modes found" in pursuit.levels[-1].reason
+    run_case(beam, progress=Progress(warn=told.append))
+    assert sum("the goal has no value: shear 1" in text for text in told) == 1
 
 
 def levels_of(values: dict[int, float]) -> list[Level]:

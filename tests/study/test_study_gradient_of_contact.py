@@ -58,6 +58,18 @@ def test_a_beam_over_a_disc(monkeypatch, more, count):
         assert row.error < 1e-6 * abs(row.derivative)
 
 
+def test_the_first_friction_is_differentiated_by_runs():
+    """Equilibria with friction depend on the way there, so that the response of one without it says nothing."""
+    case = {**BENT_OVER, "bodies": {"beam": {**BENT_OVER["bodies"]["beam"], "element": {"type": "cable", "count": 4}}}}
+    row, other = ancf2d.sensitivity(case, ["contacts.0.friction", "obstacles.disc.radius"]).rows
+    if row.path != "contacts.0.friction":
+        row, other = other, row
+    smooth, rough = (ancf2d.solve(case, [f"contacts.0.friction={mu}"], states=False).value for mu in (0.0, 1e-3))
+    assert row.derivative == pytest.approx((rough - smooth) / 1e-3, rel=1e-2)
+    assert "friction depends on the way" in row.method
+    assert other.method == "exact"
+
+
 # bodies that touch between their nodes: an arch on a side of a polyline, and over another body
 ARCH = {"geometry": {"type": "arc", "center": [0, 1], "radius": 1.0, "from": 3.9, "to": 5.0},
         "section": {"height": 0.02, "width": 0.05}, "material": {"E": 1e7, "nu": 0.3},

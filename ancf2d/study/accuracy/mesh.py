@@ -22,7 +22,7 @@ STEP = 1.5          # smallest useful refinement
 EVEN, SLIGHT = 4, 3
 # of the goal: larger differences of two coarse meshes count as oscillation if the third mesh goes back
 SWING = 0.02
-# the search is given up after this many meshes in a row without a smaller error
+# the search is given up after this many meshes in a row without a smaller error, or without any value
 STALLED = 4
 # of the difference between meshes: if time steps have more effect than this, they are reduced
 NOISE = 0.25
@@ -49,10 +49,14 @@ class Ladder:
 
         Returns that level, or the finest that was solved (None if there is none), its error, and the estimate.
         """
-        size, shared, hopeless = 1.0, len(self.shares) < 2, ""
+        size, shared, hopeless, failed = 1.0, len(self.shares) < 2, "", 0
         for _ in range(MOST_LEVELS):
             why = "coarse mesh of the series" if len(self.levels) < LADDER else "predicted from the observed order"
-            if self._add(size, why) is None and not self.levels and size > HOPELESS:
+            failed = 0 if self._add(size, why) is not None else failed + 1
+            if failed and not self.levels and size > HOPELESS:
+                break
+            if failed >= STALLED and self.levels:
+                hopeless = f"{STALLED} finer meshes have no value: {self.pursuit.levels[-1].reason}"
                 break
             self._find_weights()
             level, error, found = self._chosen(wanted)
