@@ -11,6 +11,7 @@ from numba import types
 
 from ..elements import contact_geometry as geometry
 from ..elements import contact_sliding as sliding
+from ..elements.contact_gaps import line_at
 from ..elements.contact_geometry import (
     AT_HOME,
     CIRCLE,
@@ -35,7 +36,6 @@ from ..elements.contact_geometry import (
     STILL,
     WORK,
 )
-from ..elements.contact_gaps import line_at
 from ..elements.contact_layer import sets_of, to_obstacle_frame
 from .body_passages import bodies_cross
 from .compiled_laws import part
