@@ -11,6 +11,7 @@ from numba import types
 
 from ..elements import contact_geometry as geometry
 from ..elements import contact_sliding as sliding
+from ..elements.contact_gaps import line_at
 from ..elements.contact_geometry import (
     AT_HOME,
     CIRCLE,
@@ -18,18 +19,24 @@ from ..elements.contact_geometry import (
     HALF_INTERVAL,
     HOME,
     MEMORY,
+    OFFSET,
     ON_BEAM,
     ON_ELEMENT,
     OPPOSITE,
     PLACE,
     PLACEMENT,
     POLYLINE,
+    POSE,
+    POSE_X,
+    POSE_Y,
     RHO,
     SHAPE,
     SLIDING,
     STATUS,
+    STILL,
     WORK,
 )
+from ..elements.contact_layer import sets_of, to_obstacle_frame
 from .body_passages import bodies_cross
 from .compiled_laws import part
 from .facing import body_deepest, body_gaps, face
@@ -49,8 +56,10 @@ TURNED, TURNED_DEEP, DEEP = -0.5, 0.5, 2e-2
 # as the one before, with this many midpoints each
 HALVES, PIECES = 12, 4
 
-_feature_at, _gap_at, _faces_away, _position_at = (part(f) for f in (
-    geometry.feature_at, geometry.gap_at, geometry.faces_away, geometry.position_at))
+_feature_at, _gap_at, _distance_at, _bound_on_distance, _faces_away, _position_at = (part(f) for f in (
+    geometry.feature_at, geometry.gap_at, geometry.distance_at, geometry.bound_on_distance, geometry.faces_away,
+    geometry.position_at))
+_line_at, _to_frame, _sets_of = part(line_at), part(to_obstacle_frame), part(sets_of)
 _gap_at_place, _foot_of_centre, _sliding_place, _slopes, _compliance, _compliance_between = (part(f) for f in (
     sliding.gap_at_place, sliding.foot_of_centre, sliding.sliding_place, sliding.slopes, sliding.compliance,
     sliding.compliance_between))
@@ -75,13 +84,26 @@ def contact_gaps(points, d, amps, gaps, along, faces):  # type: ignore[no-untype
 
 
 @inner
+def place_seen(par, p0, u, z, work):  # type: ignore[no-untyped-def]
+    """Return x and y of a place of a curve in the frame of its obstacle, without derivatives. Overwrites work."""
+    x, y, _, _, _, _ = _line_at(par, p0, u, z, par[OFFSET])
+    if int(par[POSE]) == STILL:
+        return x, y
+    _, at = _sets_of(par)
+    for k in range(2 + int(par[POSE])):
+        work[k] = p0[at + k] + u[at + k]
+    x, y, _, _, _, _ = _to_frame(par, work, x, y)
+    return par[POSE_X] + x, par[POSE_Y] + y
+
+
+@inner
 def is_crossed(par, x, y, g, dx, dy, depth):  # type: ignore[no-untyped-def]
     """Return whether the straight path (dx, dy) from (x, y), where the gap is g, leads ``depth`` into an obstacle."""
     length = math.sqrt(dx * dx + dy * dy)
     s = max(g, depth)
     while s < length:
         # the obstacle is at least as far away as the gap
-        g = _gap_at(par, x + s / length * dx, y + s / length * dy, -1.0)[0]
+        g = _distance_at(par, x + s / length * dx, y + s / length * dy, -1.0)[0]
         if g < -depth:
             return True
         s += max(g, depth)
@@ -92,10 +114,10 @@ def is_crossed(par, x, y, g, dx, dy, depth):  # type: ignore[no-untyped-def]
 def _entry_normal(par, x, y, dx, dy, depth):  # type: ignore[no-untyped-def]
     """Return the normal of an obstacle where the straight path (dx, dy) from (x, y) first comes within ``depth``."""
     length, s = math.sqrt(dx * dx + dy * dy), 0.0
-    g, nx, ny, _, _, _ = _gap_at(par, x, y, -1.0)
+    g, nx, ny, _, _ = _distance_at(par, x, y, -1.0)
     while g > depth and s < length:
         s += g
-        g, nx, ny, _, _, _ = _gap_at(par, x + s / length * dx, y + s / length * dy, -1.0)
+        g, nx, ny, _, _ = _distance_at(par, x + s / length * dx, y + s / length * dy, -1.0)
     return nx, ny
 
 
@@ -103,12 +125,11 @@ def _entry_normal(par, x, y, dx, dy, depth):  # type: ignore[no-untyped-def]
 def _passes_through(par, p0, u, v, z, extent, work):  # type: ignore[no-untyped-def]
     """Return whether place z of a curve passes through an obstacle between fields u and v: see ``obstacle_crossed``."""
     depth, near = DEPTH * extent, TOUCHES * extent
-    _position_at(par, p0, u, z, work)
-    x, y = work[RHO], work[RHO + 1]
-    _position_at(par, p0, v, z, work)
-    dx, dy = work[RHO] - x, work[RHO + 1] - y
-    g = _gap_at(par, x, y, -1.0)[0]
-    g_end, mx, my, _, _, _ = _gap_at(par, x + dx, y + dy, -1.0)
+    x, y = place_seen(par, p0, u, z, work)
+    dx, dy = place_seen(par, p0, v, z, work)
+    dx, dy = dx - x, dy - y
+    g = _distance_at(par, x, y, -1.0)[0]
+    g_end, mx, my, _, _ = _distance_at(par, x + dx, y + dy, -1.0)
     if g <= -near or math.sqrt(dx * dx + dy * dy) <= g + g_end or not is_crossed(par, x, y, g, dx, dy, depth):
         return False
     nx, ny = _entry_normal(par, x, y, dx, dy, depth)
@@ -158,7 +179,7 @@ def gap_slopes(points, d, amps, slope, bend):  # type: ignore[no-untyped-def]
         fields_of_item(points, i, d, u)
         amplitude_of(points, i, amps, u, w, a)
         _position_at(par, points.p0[b:b + m], u, z, work)
-        _, nx, ny, k, _, _ = _gap_at(par, work[RHO], work[RHO + 1], points.mem[i, FEATURE])
+        _, nx, ny, k, _ = _distance_at(par, work[RHO], work[RHO + 1], points.mem[i, FEATURE])
         slope[i], bend[i], _, _ = _slopes(par, z, 0.0, nx, ny, k, work)
 
 
@@ -174,7 +195,7 @@ def _try_from(par, p0, u, mem, work, z, feature, low, high, about, best):  # typ
         return
     g, nx, ny, _, _, _ = _gap_at_place(par, mem, found, 0.0, work)
     # the gap to a corner can also be negative outside of the obstacle, behind the corner
-    inside = feature < 0.0 or _gap_at(par, work[RHO], work[RHO + 1], -1.0)[0] < 0.0
+    inside = feature < 0.0 or _distance_at(par, work[RHO], work[RHO + 1], -1.0)[0] < 0.0
     if g < best[0] and inside and not _faces_away(par, nx, ny, work):
         best[0], best[1], best[2] = g, found, feature
 
@@ -200,11 +221,12 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
         low, high = par[HOME] - par[HALF_INTERVAL], par[HOME] + par[HALF_INTERVAL]
         longest, at = 0.0, 0
         taken = points.mem[i, STATUS] > 0.0 and points.mem[i, PLACEMENT] > 0.0
+        if not taken and _is_apart(par, p0, u, work):
+            continue
         for k in range(SAMPLES):
             zs[k] = low + (high - low) * k / (SAMPLES - 1)
-            _position_at(par, p0, u, zs[k], work)
-            xs[k], ys[k] = work[RHO], work[RHO + 1]
-            g[k] = _gap_at(par, xs[k], ys[k], -1.0)[0]
+            xs[k], ys[k] = place_seen(par, p0, u, zs[k], work)
+            g[k] = _distance_at(par, xs[k], ys[k], -1.0)[0]
             if taken and points.mem[i, PLACEMENT] != ON_ELEMENT:
                 g[k] -= u[m - 1] * _compliance_between(par, zs[k], points.mem[i, PLACE])
             if k > 0:
@@ -244,6 +266,8 @@ def overlaps(points, d, amps, place, x, w, exact, summed):  # type: ignore[no-un
         amplitude_of(points, i, amps, u, v, a)
         low, length = par[HOME] - par[HALF_INTERVAL], 2.0 * par[HALF_INTERVAL]
         exact[i], summed[i] = 0.0, 0.0
+        if _is_apart(par, p0, u, work):
+            continue
         for k in range(len(x)):
             summed[i] += length * w[k] * _depth(par, p0, u, low + length * x[k], work)
         if summed[i] == 0.0 and _depth(par, p0, u, place[i], work) == 0.0:
@@ -260,11 +284,21 @@ def overlaps(points, d, amps, place, x, w, exact, summed):  # type: ignore[no-un
 
 
 @inner
+def _is_apart(par, p0, u, work):  # type: ignore[no-untyped-def]
+    """Return whether all of a curve is further from the obstacle than its length."""
+    x, y = place_seen(par, p0, u, par[HOME], work)
+    return _distance_at(par, x, y, -1.0)[0] > _bound_on_distance(par, p0, u, par[HOME])
+
+
+@inner
 def _depth(par, p0, u, z, work):  # type: ignore[no-untyped-def]
     """Return the depth of the curve in the obstacle at z, or 0 if it is the back of the curve."""
+    x, y = place_seen(par, p0, u, z, work)
+    g, nx, ny, _, _ = _distance_at(par, x, y, -1.0)
+    if g >= 0.0:
+        return 0.0
     _position_at(par, p0, u, z, work)
-    g, nx, ny, _, _, _ = _gap_at(par, work[RHO], work[RHO + 1], -1.0)
-    return -g if g < 0.0 and not _faces_away(par, nx, ny, work) else 0.0
+    return 0.0 if _faces_away(par, nx, ny, work) else -g
 
 
 @inner

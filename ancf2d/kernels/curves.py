@@ -25,6 +25,8 @@ from .points import (
 SKEW = 1e-12
 # which forces of an item are nonzero: none; only the one on its multiplier (inactive constraint: multiplier = 0); all
 NOTHING, MULTIPLIER, ALL = range(3)
+# for ``point_tangent``, instead of the factor of rates: the constraints alone
+CONSTRAINTS = -1.0
 
 
 @inner
@@ -227,8 +229,12 @@ def _split_skew(K, skew):  # type: ignore[no-untyped-def]
 
 @inner
 def point_tangent(points, d, v, amps, c, Q, matrix, places):  # type: ignore[no-untyped-def]
-    """Add the forces to Q and the symmetric part of H + c C to the matrix of the unknowns; return the energy."""
-    energy = 0.0
+    """Add the forces to Q and the symmetric part of H + c C to the matrix of the unknowns; return the energy.
+
+    With c = CONSTRAINTS, laws without multipliers are left out, and H alone is added.
+    """
+    energy, alone = 0.0, c == CONSTRAINTS
+    c = 0.0 if alone else c
     if len(points.forces) == 0:
         return energy
     u, w, a, f, H, C = work_arrays(points)
@@ -237,6 +243,9 @@ def point_tangent(points, d, v, amps, c, Q, matrix, places):  # type: ignore[no-
     values = array_at(matrix.values, 0, (matrix.values.size,))
     i = 0
     while i < len(points.forces):
+        if alone and points.multiplier[i] < 0:
+            i += points.run[i]
+            continue
         U, _, acts = _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, False)
         energy += U
         in_place = len(assembly.has_skew) > 0 and assembly.begin[i + 1, 0] > assembly.begin[i, 0]

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from ..elements import contact_geometry
-from ..elements.contact_geometry import BODY, HOME, MOST_FIELDS, PLACEMENT, RHO, SHAPE, WORK
+from ..elements.contact_geometry import BODY, HOME, MOST_FIELDS, PLACEMENT, SHAPE, WORK
 from . import calls
 from .compiled_laws import part
-from .contact import DEPTH, TOUCHES, is_crossed
+from .contact import DEPTH, TOUCHES, is_crossed, place_seen
 from .lowlevel.jit import addressed_with_memory, inner_with_memory, seldom
 from .motion.dynamics import signals_at, to_full
 from .points import amplitude_of, does_not_act, fields_of_item
 
-_gap_at, _position_at = part(contact_geometry.gap_at), part(contact_geometry.position_at)
+_distance_at = part(contact_geometry.distance_at)
 
 
 @inner_with_memory
@@ -24,8 +24,8 @@ def _position_and_gap(p, d, i, amps, u, work):  # type: ignore[no-untyped-def]
     rates, amplitude = u[len(u) // 2:], work[WORK:]
     fields_of_item(points, i, d, u)
     amplitude_of(points, i, amps, u, rates, amplitude)
-    _position_at(points.par[i], points.p0[b:b + m], u, points.par[i, HOME], work)
-    return work[RHO], work[RHO + 1], _gap_at(points.par[i], work[RHO], work[RHO + 1], -1.0)[0]
+    x, y = place_seen(points.par[i], points.p0[b:b + m], u, points.par[i, HOME], work)
+    return x, y, _distance_at(points.par[i], x, y, -1.0)[0]
 
 
 @inner_with_memory

@@ -63,8 +63,10 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
             signals = max(signals, points.signal[i, j] + 1)
     no_amps = array(signals, 3)
     no_amps[:] = 1.0
-    for i in range(len(points.forces)):
+    i = 0
+    while i < len(points.forces):
         if does_not_act(points, i, d):
+            i += points.run[i]
             continue
         w[:] = 0.0
         evaluate_at(points, i, d, no_amps, u, w, a, f, H, C)
@@ -81,6 +83,7 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
                 s += abs(H[p * m + q]) * w[q]
             for c in range(n):
                 out[points.dofs[first + c]] += abs(G[c, p]) * s
+        i += 1
 
 
 @inner
@@ -124,12 +127,15 @@ def forces_but_contacts(p, d, v, amps, Q):  # type: ignore[no-untyped-def]
 
 @inner
 def add_patch_tangent(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
-    """Add the forces of point laws and joints to Q, and their tangent by d and c times that by v to A."""
+    """Add the forces of point laws and joints to Q, and their tangent by d and c times that by v to A.
+
+    With c = CONSTRAINTS, laws without multipliers are left out.
+    """
     if len(p.points.mem) > 0:
         face_bodies(p, d)
         calls.point_tangent(p.calls, (p, d, v, amps, c, Q, A))
     if len(p.sliding.multiplier) > 0:
-        calls.sliding_tangent(p.calls, (p, d, v, amps, c, Q, A))
+        calls.sliding_tangent(p.calls, (p, d, v, amps, max(c, 0.0), Q, A))
 
 
 @addressed

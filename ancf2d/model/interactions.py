@@ -227,12 +227,12 @@ class Batch:
         self.turn_to(d)
         point_matrices(self.table, d, v, self.amplitudes(t, self.by_rate), linear, self._energy, Q, K, C)
 
-    def energy(self, d: Array, t: float, worked: bool = False) -> float:
-        """Return the energy at d (n_full,) without rates; see ``Interactions.energy``."""
+    def energies(self, d: Array, t: float) -> tuple[float, float]:
+        """Return the energies at d (n_full,) without rates; see ``Interactions.energies``."""
         nothing = np.empty((0, *self._shape[1:]))
         self._fill(d, t, False, np.zeros_like(d), np.empty(self._shape[:2]), nothing, nothing)
         contact = (self.table.restitution != -1.0) & (self.table.fed[:, 0] < 0)
-        return float(self._energy[~contact if worked else slice(None)].sum())
+        return float(self._energy.sum()), float(self._energy[~contact].sum())
 
     def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
         """Return energy, forces (m, n) and stiffness (m, n, n) at d (n_full,) without rates."""
@@ -350,12 +350,12 @@ class Interactions:
             if batch.rubs:
                 batch.accept(d, t)
 
-    def energy(self, d: Array, t: float, worked: bool = False) -> float:
-        """Return the energy of the springs at d (n_full,) or (n_q,).
-
-        ``worked``: without contacts that no signal moves, whose energy is evaluated from states and not from work.
+    def energies(self, d: Array, t: float) -> tuple[float, float]:
+        """Return the energy of the springs at d (n_full,) or (n_q,), and that of all but the contacts that no signal
+        moves, whose energy is evaluated from states and not from work.
         """
-        return sum(batch.energy(d, t, worked) for batch in self.springs)
+        found = [batch.energies(d, t) for batch in self.springs]
+        return sum(one for one, _ in found), sum(one for _, one in found)
 
     @cached_property
     def drags(self) -> list[Batch]:

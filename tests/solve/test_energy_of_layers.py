@@ -78,7 +78,7 @@ def test_the_energy_of_each_point_is_continuous(seed):
     ends[:, :model.meshes["two"].first_dof] = 0.0
 
     def energies(s):
-        points.energy((1.0 - s) * ends[0] + s * ends[1], 0.0)
+        points.energies((1.0 - s) * ends[0] + s * ends[1], 0.0)
         return points._energy.copy()
 
     s = np.linspace(0.0, 1.0, 400)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .. import calls
+from ..curves import CONSTRAINTS
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel, kernel_with_memory, seldom
 from ..moving import place_moving
@@ -26,10 +27,13 @@ def place_moving_at(p, w, z, v, t):  # type: ignore[no-untyped-def]
 
 @inner
 def constraint_matrix(p, w):  # type: ignore[no-untyped-def]
-    """Fill w.A with M and the gradients of the constraints at w.d, as the matrix of [M G^T; G 0]."""
+    """Fill w.A with M and the gradients of the constraints at w.d, as the matrix of [M G^T; G 0].
+
+    The entries of w.other at multipliers are the constraints.
+    """
     w.A[:] = 0.0
     if p.patched:
-        patches_tangent(p, w, 0.0)
+        patches_tangent(p, w, CONSTRAINTS)
         calls.clear_same_kind(p.calls, (p, w.A, p.coordinate))
     add_mass(p, 1.0, w.A)
 
@@ -59,7 +63,10 @@ def by_motion(p, w, order, out):  # type: ignore[no-untyped-def]
         return
     moved, one, none = np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(len(w.d))
     to_full(p, np.zeros(len(p.coordinate)), w.amps, order, moved)
-    rest = w.d.copy()
+    rest, acts = w.d.copy(), p.points.on.copy()
+    for i in range(len(acts)):
+        # constraints alone
+        p.points.on[i] = acts[i] and p.points.multiplier[i] >= 0
     for i in range(len(p.coordinate)):
         if p.coordinate[i] == 0.0:
             rest[p.full[i]] = 0.0
@@ -72,6 +79,7 @@ def by_motion(p, w, order, out):  # type: ignore[no-untyped-def]
             for k in range(len(one)):
                 out[i] += (one[k] - none[k]) * moved[k]
             rest[p.full[i]] = 0.0
+    copy(acts, p.points.on)
 
 
 @kernel

@@ -98,8 +98,8 @@ class Balance:
         if model.springs:
             d_q = d[:model.n_q]
             model.turns.set_spring_angles(model.springs, model.e0 + d_q, d_q, model.turns.at(d, row.turned))
-            strain += model.interactions.energy(d, row.side)
-            springs = model.interactions.energy(d, row.side, worked=not self.stepper.method.conserves)
+            of_all, worked = model.interactions.energies(d, row.side)
+            strain, springs = strain + of_all, of_all if self.stepper.method.conserves else worked
         # energy kept by materials with memory, which counts as lost in the steps, and energy kept by other materials
         kept, more, over = extra_energy(model, d, row.side) if self.stores_energy else (0.0, 0.0, 0.0)
         strain += more
