@@ -48,3 +48,11 @@ def test_modes_that_round_off_hides_are_told(label: str, ratio: float) -> None:
     """Assembled, the stiffness has no digit of bending left; through the strains it still has some."""
     found = modes.free_modes(label, slender(ratio), 16)
     assert found.error < 0.01 or any("round-off" in text for text in found.warnings)
+
+
+@pytest.mark.parametrize("label", ["vallejo", "reissner3"])
+@pytest.mark.parametrize("ratio", [1e5, 1e7])
+def test_damped_pairs_that_round_off_hides_are_told(label: str, ratio: float) -> None:
+    found = modes.damped_bending(label, slender(ratio), 16)
+    assert any("round-off" in text for text in found.warnings) == (ratio > 1e5)
+    assert found.error < 0.01 or ratio > 1e5

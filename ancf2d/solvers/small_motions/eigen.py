@@ -221,6 +221,9 @@ def pair_warnings(wanted: int, pairs: Pairs, s: Complex) -> list[str]:
         out.append("the pairs could not be counted: some may be missing")
     elif pairs.missing > 0:
         out.append(f"{pairs.missing} more eigenvalues lie among those listed: further real ones, or missing pairs")
+    if pairs.hidden:
+        out.append("round-off of the stiffness hides the lowest pairs, which may be wrong. Fewer or longer elements "
+                   "give more digits; if damping is all that acts, damped: false gives the frequencies without it")
     out += _unstable(int((s.real > IMAGINARY * np.abs(s)).sum()))
     worst = float(pairs.residual.max(initial=0.0))
     if worst > POOR:
