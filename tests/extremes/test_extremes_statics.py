@@ -13,7 +13,7 @@ from instruments.extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever
 
 import ancf2d
 from ancf2d.solvers.refine import refined
-from ancf2d.solvers.statics import static
+from ancf2d.solvers.statics import linear_static
 
 
 def known(warnings: list[str]) -> float:
@@ -39,7 +39,7 @@ def test_an_ordinary_linear_solution_says_nothing(label: str) -> None:
 @pytest.mark.parametrize(("left", "said"), [(1e-3, True), (2e-6, True), (5e-7, False)])
 def test_what_refinement_leaves_is_told_from_a_millionth_on(monkeypatch: pytest.MonkeyPatch, left: float,
                                                             said: bool) -> None:
-    monkeypatch.setattr(static, "refined", lambda *arguments: (refined(*arguments)[0], left))
+    monkeypatch.setattr(linear_static, "refined", lambda *arguments: (refined(*arguments)[0], left))
     warnings = statics.linear_tip("cable", statics.slender(20), 4).warnings
     assert known(warnings) == (left if said else 0.0)
 
@@ -47,7 +47,7 @@ def test_what_refinement_leaves_is_told_from_a_millionth_on(monkeypatch: pytest.
 @pytest.mark.parametrize(("left", "refused"), [(0.4, False), (0.6, True)])
 def test_displacements_of_which_more_than_half_is_unknown_are_refused(monkeypatch: pytest.MonkeyPatch, left: float,
                                                                       refused: bool) -> None:
-    monkeypatch.setattr(static, "refined", lambda *arguments: (refined(*arguments)[0], left))
+    monkeypatch.setattr(linear_static, "refined", lambda *arguments: (refined(*arguments)[0], left))
     failure = pytest.raises(ancf2d.ComputationError, match="no digit of the displacements is significant")
     with failure if refused else nullcontext():
         assert known(statics.linear_tip("cable", statics.slender(20), 4).warnings) == left

@@ -34,7 +34,25 @@ def test_bending_of_a_very_slender_beam_is_no_motion_without_stiffness(label: st
     assert modes.first_bending(label, slender(ratio), 16).error < 0.02
 
 
-@pytest.mark.parametrize("label", ["vallejo", "reissner3", "cable", "ancf[3,3]"])
-@pytest.mark.parametrize("ratio", [1e2, 1e4, 1e5, 1e6])
+@pytest.mark.parametrize("label", ["vallejo", "reissner3", "cable", "ancf[2,2]", "ancf[3,3]"])
+@pytest.mark.parametrize("ratio", [1e2, 1e4, 1e5, 1e6, 1e7])
 def test_a_free_beam_has_three_rigid_modes(label: str, ratio: float) -> None:
-    assert modes.free_modes(label, slender(ratio), 16).error < 0.01
+    found = modes.free_modes(label, slender(ratio), 16)
+    assert found.error < 0.01
+    assert not found.warnings
+
+
+@pytest.mark.parametrize("label", ["vallejo", "reissner2", "reissner3", "cable", "ancf[2,2]", "ancf[3,3]"])
+@pytest.mark.parametrize("ratio", [1e8, 1e9, 1e10, 1e11])
+def test_modes_that_round_off_hides_are_told(label: str, ratio: float) -> None:
+    """Assembled, the stiffness has no digit of bending left; through the strains it still has some."""
+    found = modes.free_modes(label, slender(ratio), 16)
+    assert found.error < 0.01 or any("round-off" in text for text in found.warnings)
+
+
+@pytest.mark.parametrize("label", ["vallejo", "reissner3"])
+@pytest.mark.parametrize("ratio", [1e5, 1e7])
+def test_damped_pairs_that_round_off_hides_are_told(label: str, ratio: float) -> None:
+    found = modes.damped_bending(label, slender(ratio), 16)
+    assert any("round-off" in text for text in found.warnings) == (ratio > 1e5)
+    assert found.error < 0.01 or ratio > 1e5

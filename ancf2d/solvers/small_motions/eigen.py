@@ -25,6 +25,8 @@ from .without_effect import warnings_of
 
 # relative uncertainty of an eigenvalue that causes a warning
 POOR = 1e-6
+# the same, relative to elastic ones, of an eigenvalue that is zero
+SURELY_ZERO = 1e-3
 # real part, relative, that is round-off without damping
 IMAGINARY = 1e-7
 
@@ -189,7 +191,9 @@ def mode_warnings(wanted: int, modes: Modes) -> list[str]:
     if modes.counted is False:
         out.append("the number of modes found differs from the count of eigenvalues: some modes may be missing")
     out += _unstable(int((modes.values < -modes.floor).sum()))
-    worst = float(modes.error.max(initial=0.0))
+    # what is zero has no relative error, as long as it is small beside the other frequencies
+    elastic = (np.abs(modes.values) > modes.floor) | (modes.error > SURELY_ZERO)
+    worst = float(modes.error[elastic].max(initial=0.0))
     if worst > POOR:
         out.append(f"round-off limits the accuracy of the frequencies to about {0.5 * worst:.1g} of their values. "
                    "Fewer or longer elements give more digits")
@@ -217,6 +221,9 @@ def pair_warnings(wanted: int, pairs: Pairs, s: Complex) -> list[str]:
         out.append("the pairs could not be counted: some may be missing")
     elif pairs.missing > 0:
         out.append(f"{pairs.missing} more eigenvalues lie among those listed: further real ones, or missing pairs")
+    if pairs.hidden:
+        out.append("round-off of the stiffness hides the lowest pairs, which may be wrong. Fewer or longer elements "
+                   "give more digits; if damping is all that acts, damped: false gives the frequencies without it")
     out += _unstable(int((s.real > IMAGINARY * np.abs(s)).sum()))
     worst = float(pairs.residual.max(initial=0.0))
     if worst > POOR:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,9 +12,11 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...kernels.elements import tangent_action
 from ...model.model import Model
+from ...model.rotation import CoordinateKinds
 from ..ldl import Pivots
 from ..linear import assemble_mass, make_matrix
-from ..system import System
+from ..system import UNIT_ROUNDOFF, System
+from .graded import graded_ritz
 
 
 class Pencil:
@@ -33,6 +36,8 @@ class Pencil:
         self.B: Array = self.K
         self.n = model.numbering.n_unknowns
         self.multipliers = model.numbering.n_multipliers
+        # negative eigenvalues that only round-off of K causes
+        self.false = 0
 
     def with_mass(self, e: Array | None = None) -> Pencil:
         """Return this pencil with B = M, for small motions about coordinates ``e`` if given."""
@@ -52,15 +57,15 @@ class Pencil:
         return self.matrix.factor()
 
     def negative(self, pivots: Pivots) -> int | None:
-        """Return the number of negative eigenvalues of K - shift B (Sylvester), without those of the multipliers.
+        """Return the number of negative eigenvalues of K - shift B (Sylvester).
 
-        None if it is singular or pivoting hides the inertia.
+        Those of multipliers and of round-off are left out. None if it is singular or pivoting hides the inertia.
         """
         if pivots.bad >= 0:
             return None
         if not self.matrix.knows_inertia:
             return None
-        return pivots.negative - self.multipliers
+        return pivots.negative - self.multipliers - self.false
 
     def solve(self, b: Array) -> Array:
         """Return (K - shift B)^-1 b for the last shift."""
@@ -94,6 +99,17 @@ class Pencil:
         return out
 
 
+    def rigid_motions(self) -> Array:
+        """Return the rates (3, n_q) of all bodies that move as one: translations, rotation about the mean position."""
+        model, out = self.model, np.zeros((3, self.model.n_q))
+        kinds, e = CoordinateKinds(model.meshes.values()), model.e0 + self.d[:model.n_q]
+        x, y = (float(e[kinds.positions + k].mean()) for k in (0, 1))
+        kinds.translation(out[0], 1.0, 0.0)
+        kinds.translation(out[1], 0.0, 1.0)
+        kinds.rotation(out[2], e, 1.0, (x, y))
+        return out
+
+
 def map_rows(apply: Any, V: Array) -> Array:
     """Return A v of every row v."""
     out = np.empty_like(V)
@@ -113,12 +129,14 @@ def ritz(V: Array, HV: Array, GV: Array, m: int) -> tuple[Array, Array]:
     return values[:m], (T @ Y[:, :m]).T
 
 
+# to the motion whose eigenvalue is next to a shift; its neighbours are at least a third farther away
+INVERSE_ITERATIONS = 20
 # up to this number of unknowns, every mode is computed at once
 DENSE = 400
 # additional modes, among which a gap for the count is sought
 EXTRA = 5
-# the shift stays this far above the round-off of K, in units of the largest K_ii/M_ii
-ROUND_OFF = 4e-15
+# shifts stay this far above the round-off of K: in units of the largest K_ii/M_ii, and of round-off in soft motions
+ROUND_OFF, ABOVE = 4e-15, 4.0
 # eigenvalues within this share of the shift count as zero
 NOTHING = 1e-8
 # so do those within this share of ``characteristic``; round-off of K can make the shift much larger
@@ -129,16 +147,19 @@ CORRECT = 5e-5
 LANCZOS = 1e-8
 # relative correction of an eigenvalue that is accepted
 SETTLED = 1e-11
+# elastic eigenvalues this many times smaller than the shift, which is kept above round-off, may be wrong
+FAR = 1e6
 # eigenvalues smaller than this multiple of their correction count as zero
 UNSURE = 10.0
-MAX_CORRECTIONS = 6
+# corrections that change all values by at least this share of the change before end them
+SLOW, MAX_CORRECTIONS = 0.9, 20
 
 
 @dataclass
 class Modes:
     """Eigenvalues (m,) [1/s^2] ascending, and vectors (m, n_unknowns) with unit modal mass.
 
-    ``error`` (m,): relative change by the last correction. ``floor``: bound below which eigenvalues count as zero.
+    ``error`` (m,): relative error that corrections have left. ``floor``: bound below which eigenvalues count as zero.
     ``counted``: whether the inertia confirms that no lower mode is missing (None: unknown).
     """
 
@@ -182,20 +203,55 @@ def _ratios(pencil: Pencil) -> Array:
 
 
 def first_shift(pencil: Pencil) -> float:
-    """Return the magnitude of a shift near the lowest elastic eigenvalue, above round-off [1/s^2]."""
+    """Return the magnitude of a shift near the lowest elastic eigenvalue, above round-off of every motion [1/s^2]."""
     return max(characteristic(pencil), ROUND_OFF * float(np.max(_ratios(pencil), initial=0.0)))
 
 
+def _soft_shift(pencil: Pencil) -> float:
+    """Return the same, above the round-off that K causes in motions that strain little [1/s^2].
+
+    These are about as large as rigid motions. The largest K_ii/M_ii is that of thin, light sections, and its round-off
+    can be as large as all frequencies of bending of a slender body.
+    """
+    num, K, most = pencil.model.numbering, np.abs(pencil.K), 0.0
+    for v in pencil.rigid_motions():
+        z = num.of_unknowns(v)
+        size, mass = np.abs(z), float(z @ pencil.apply_B(z))
+        if mass > 0.0:
+            most = max(most, float(size @ pencil.matrix.product(K, size)) / mass)
+    return max(characteristic(pencil), ABOVE * UNIT_ROUNDOFF * most)
+
+
 def find_shift(pencil: Pencil) -> float:
-    """Factor K - shift M at a negative shift below every eigenvalue, near the lowest elastic ones; return it."""
-    shift = first_shift(pencil)
+    """Factor K - shift M at a negative shift below every eigenvalue, near the lowest elastic ones; return it.
+
+    Negative eigenvalues that only round-off of K causes may be lower: a shift far below all others would not tell these
+    apart.
+    """
+    first = shift = _soft_shift(pencil)
     for _ in range(60):
         pivots = pencil.factor(-shift)
         if pencil.negative(pivots) in (0, None) and pivots.bad < 0:
-            return -shift
+            break
         shift *= 4.0
-    raise ComputationError("no shift below the lowest eigenvalue was found", at={"shift": f"{-shift:.3g}"},
-                           advice="check masses and stiffnesses for extreme values")
+    else:
+        raise ComputationError("no shift below the lowest eigenvalue was found", at={"shift": f"{-shift:.3g}"},
+                               advice="check masses and stiffnesses for extreme values")
+    if shift > first and not _grows(pencil, shift):
+        shift = first
+        while (pivots := pencil.factor(-shift)).bad >= 0:
+            shift *= 4.0
+        pencil.false = pencil.negative(pivots) or 0
+    return -shift
+
+
+def _grows(pencil: Pencil, shift: float) -> bool:
+    """Return whether the eigenvalue next to -shift, by the last factors, is also negative through the strains."""
+    v = np.random.default_rng(0).standard_normal(pencil.n)
+    for _ in range(INVERSE_ITERATIONS):
+        v = pencil.solve(pencil.apply_B(v))
+        v /= pencil.system.norm(v)
+    return float(v @ pencil.stiffness(v)) < -0.1 * shift * float(v @ pencil.apply_B(v))
 
 
 def _all_modes(pencil: Pencil, shift: float) -> tuple[Array, Array]:
@@ -242,31 +298,42 @@ def _lanczos(pencil: Pencil, shift: float, m: int, found: Array, seed: int) -> t
 def _refine(pencil: Pencil, values: Array, V: Array, shift: float) -> tuple[Array, Array, Array]:
     """Return values, vectors and relative errors by Rayleigh-Ritz with K through the strains, with corrections.
 
-    Vectors are corrected while that changes the values much. The error left by Rayleigh-Ritz is quadratic in that of
-    the vectors.
+    If Rayleigh-Ritz hardly changes the values, the error left is quadratic in that of the vectors. Else vectors are
+    corrected until the values settle.
     """
-    m, rest = len(values), np.zeros(len(values))
+    m, scale = len(values), characteristic(pencil)
+    KV, MV = map_rows(pencil.stiffness, V), map_rows(pencil.apply_B, V)
+    new, Y = _ritz(V, KV, MV, m, scale)
+    V, values, rest = Y @ V, new, (np.abs(new - values) / (np.abs(new) + scale))**2
+    poor, before = rest > CORRECT**2, np.full(m, np.inf)
     for _ in range(MAX_CORRECTIONS):
-        KV, MV = map_rows(pencil.stiffness, V), map_rows(pencil.apply_B, V)
-        new, Y = ritz(V, KV, MV, m)
-        change = np.abs(new - values) / (np.abs(new) + abs(shift))
-        V, values, rest = Y @ V, new, change**2
-        poor = change > CORRECT
         if not poor.any():
             break
-        KV, MV = Y @ KV, Y @ MV
+        # not combinations of the former: soft motions would have the round-off of stiff ones
+        KV, MV = map_rows(pencil.stiffness, V), map_rows(pencil.apply_B, V)
         pencil.factor(shift)
         C = map_rows(pencil.solve, KV[poor] - values[poor, None] * MV[poor])
         for _ in range(2):
             C -= (C @ MV.T) @ V
         C /= np.sqrt(np.maximum(np.einsum("kn,kn->k", C, map_rows(pencil.apply_B, C)), 1e-300))[:, None]
-        new, Y = ritz(np.vstack([V, C]), np.vstack([KV, map_rows(pencil.stiffness, C)]),
-                       np.vstack([MV, map_rows(pencil.apply_B, C)]), m)
-        rest = np.abs(new - values) / (np.abs(new) + abs(shift))
-        V, values = Y[:, :m] @ V + Y[:, m:] @ C, new
-        if rest.max() <= SETTLED:
+        new, Y = _ritz(np.vstack([V, C]), np.vstack([KV, map_rows(pencil.stiffness, C)]),
+                       np.vstack([MV, map_rows(pencil.apply_B, C)]), m, scale)
+        moved = np.abs(new - values)
+        rate, change = np.minimum(moved / np.maximum(before, 1e-300), SLOW), moved / (np.abs(new) + scale)
+        # what is left of a geometric series
+        rest, before = np.where(poor, change * rate / (1.0 - rate), rest), moved
+        V, values, poor = Y[:, :m] @ V + Y[:, m:] @ C, new, poor & (change > SETTLED)
+        if np.all(rate[poor] >= SLOW):
             break
     return values, V, rest
+
+
+def _ritz(V: Array, KV: Array, MV: Array, m: int, scale: float) -> tuple[Array, Array]:
+    """Return the same as ``ritz``, with the digits of values that are small beside the largest."""
+    if np.max(np.einsum("ij,ij->i", V, KV) / np.einsum("ij,ij->i", V, MV)) > scale / NOTHING:
+        with suppress(np.linalg.LinAlgError):
+            return graded_ritz(V, KV, MV, m)
+    return ritz(V, KV, MV, m)
 
 
 def _count(pencil: Pencil, values: Array, m: int) -> tuple[int | None, int]:
@@ -303,13 +370,16 @@ def lowest(pencil: Pencil, m: int) -> Modes:
     shift = find_shift(pencil)
     if pencil.n <= max(DENSE, 2 * (m + EXTRA)):
         values, V = _all_modes(pencil, shift)
-        values, V, rest = _refine(pencil, values[:m], V[:m], shift)
+        values, V, rest = _refine(pencil, values[:m + EXTRA], V[:m + EXTRA], shift)
         counted: bool | None = True
     else:
         values, V = _lanczos(pencil, shift, m + EXTRA, np.zeros((0, pencil.n)), 0)
         values, V, rest, counted = _complete(pencil, m, shift, *_refine(pencil, values, V, shift))
     m = min(m, len(values))
     floor = min(NOTHING * abs(shift), SOFT * characteristic(pencil))
-    unsure = np.abs(values) <= UNSURE * rest * (np.abs(values) + abs(shift))
+    unsure = np.abs(values) <= UNSURE * rest * (np.abs(values) + characteristic(pencil))
     values = np.where(unsure, 0.0, values)
+    # such factors tell soft motions apart no better than round-off
+    lost = (np.abs(values) > floor) & (FAR * np.maximum(np.abs(values), characteristic(pencil)) < abs(shift))
+    rest = np.where(lost, np.maximum(rest, 1.0), rest)
     return Modes(values[:m], V[:m], rest[:m], floor, counted)

@@ -44,6 +44,8 @@ OUTSIDE = 0.9
 MARGIN = 12
 # relative to elastic modes: strain energy and size of the eigenvalue of rigid motions
 NOTHING, AT_REST = 1e-8, 1e-3
+# the lowest |s| may be wrong if it is this many times smaller than a shift that is kept above round-off
+FAR = 3e3
 # a motion at rest is a new one if this share of it is independent of the others
 ALIKE = 1e-3
 # ratio of the shift to the lowest eigenvalue
@@ -57,6 +59,8 @@ class Pairs:
     ``rigid`` (k,): whether they are free rigid motions, each listed once, with s = 0. ``residual``: |Q(s0)^-1 Q(s)
     x|/|x| as displacements, Q(s) = K + s C + s^2 M, s0 the shift. ``missing``: number of other eigenvalues within the
     circle through the last pair, by the argument principle (None: unknown). ``skipped`` pairs did not converge.
+    ``hidden``: whether the shift, which is kept above round-off of K, is so far above the lowest pair that it may be
+    wrong.
     """
 
     s: Complex
@@ -65,6 +69,7 @@ class Pairs:
     rigid: NDArray[np.bool_]
     missing: int | None
     skipped: int
+    hidden: bool = False
 
 
 def shift_of(problem: Quadratic, s0: float) -> float:
@@ -284,9 +289,11 @@ def _chosen(search: Search, s: Complex, Y: Complex, number: int, complete: bool)
     rest_count, n = len(motions), search.problem.n
     found = np.array([0j] * rest_count + keep, dtype=complex)
     missing = skipped if complete else _missing(search, found, s)
+    lowest = max(np.abs(found[_upper(found)]).min(initial=search.s0), search.rest_limit / AT_REST)
     return Pairs(found, np.array([*motions, *vectors], dtype=complex).reshape(-1, n),
                  np.array([*(search.residual(0.0, x) for x in motions), *residuals]),
-                 np.arange(len(found)) < rest_count, missing, skipped)
+                 np.arange(len(found)) < rest_count, missing, skipped,
+                 bool(search.s0 > FAR * lowest))
 
 
 def _motions(problem: Quadratic, modes: Sequence[Complex]) -> Array:

@@ -15,6 +15,8 @@ from .statics import slender
 
 # (b L)^2 of the first bending of a free beam: cos b cosh b = 1
 FREE = 22.373285448
+# the same of a clamped one: cos b cosh b = -1
+CLAMPED = 3.516015269
 
 
 def pinned(subject: Subject, beam: Beam, count: int) -> dict[str, Any]:
@@ -46,6 +48,16 @@ def free_modes(label: str, beam: Beam, count: int) -> Found:
         return Found(math.inf, run.warnings, "more than three rigid modes")
     expected = FREE * math.sqrt(beam.EI / (beam.rho * beam.A)) / beam.L**2
     return Found(apart(found[3]["omega"], expected), run.warnings)
+
+
+def damped_bending(label: str, beam: Beam, count: int) -> Found:
+    """Compare abs(s) of the first bending of a cantilever with Rayleigh damping with Bernoulli's."""
+    expected = CLAMPED * math.sqrt(beam.EI / (beam.rho * beam.A)) / beam.L**2
+    run = solve({"bodies": {"beam": beam.body(BY_LABEL[label], count)}, "solver": {"type": "eigen", "modes": 3},
+                 "boundary_conditions": [{"type": "clamp", "at": "beam@0"}],
+                 "damping": {"rayleigh": {"alpha": 0.1 * expected, "beta": 0.0}}})
+    lowest = min((math.hypot(f["omega"], f["growth"]) for f in run.summary["frequencies"]), default=math.inf)
+    return Found(apart(lowest, expected), run.warnings)
 
 
 def euler(label: str, beam: Beam, count: int) -> Found:
