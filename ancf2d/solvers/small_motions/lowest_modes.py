@@ -98,7 +98,6 @@ class Pencil:
             np.add.at(out, dofs, np.einsum("mij,mj->mi", K, v[dofs]))
         return out
 
-
     def rigid_motions(self) -> Array:
         """Return the rates (3, n_q) of all bodies that move as one: translations, rotation about the mean position."""
         model, out = self.model, np.zeros((3, self.model.n_q))
