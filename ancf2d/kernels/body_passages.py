@@ -11,7 +11,7 @@ from ..elements.contact_gaps import BOTH_SIDES, DEEPEST, FOOT_KIND, SIDE, WITHIN
 from ..elements.contact_geometry import HOME, OFFSET, OPPOSITE, PLACE, PLACEMENT, WORK
 from .chords import fill_curves
 from .compiled_laws import part
-from .facing import face
+from .facing import EVERY, face
 from .lowlevel.arrays import copy, vector
 from .lowlevel.jit import inner, kernel_with_memory, seldom
 from .points import fields_of_first, fields_of_item, is_inactive
@@ -49,7 +49,7 @@ def _find_gaps(table, points, d, within, gaps, side):  # type: ignore[no-untyped
     near = np.inf
     for k in range(len(table.item)):
         points.mem[table.item[k], SIDE] = side[k]
-    face(table, points, d, within)
+    face(table, points, d, within, EVERY)
     u, own, work, across = vector(200), vector(WORK), vector(WORK), vector(WORK)
     for k in range(len(table.item)):
         i = table.item[k]

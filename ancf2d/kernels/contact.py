@@ -356,7 +356,7 @@ def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: boo
     x, xx, b = types.float64[::1], types.float64[:, ::1], types.boolean[::1]
     out: list[Callable[[], object]] = []
     if bodies:
-        out += [partial(face.compile, (facing, points, x, types.boolean)),
+        out += [partial(face.compile, (facing, points, x, types.float64, types.int64)),
                 partial(body_gaps.compile, (facing, points, x, x, xx))]
         if not moves:
             out.append(partial(bodies_cross.compile, (facing, points, x, x)))

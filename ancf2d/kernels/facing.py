@@ -70,7 +70,7 @@ FACE_COSINE, CORNER_COSINE = -0.3, 0.5
 SAME, SAME_ENERGY = 1e-6, 1e-9
 # instead of a distance, for ``face``: that at which each point may have a force; the same, but any distance for points
 # of an axis, which remember their side
-IN_RANGE, IN_RANGE_OR_BESIDE = 0.0, -1.0
+IN_RANGE, IN_RANGE_OR_BESIDE, EVERY = 0.0, -1.0, -1
 # samples of an interval between contact points, and golden sections around the deepest one
 SAMPLES, SECTIONS, GOLDEN = 9, 40, 0.6180339887498949
 # most nodes of the tree that wait during a descent: two for each level
@@ -282,11 +282,12 @@ def _force_range(points, i, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def face(table, points, d, within):  # type: ignore[no-untyped-def]
+def face(table, points, d, within, only):  # type: ignore[no-untyped-def]
     """Find the element that every contact point between bodies faces at d (n_full,), and store it in the point laws.
 
     ``within`` : distance [m] of the elements that are found, at least the largest penetration allowed, or ``IN_RANGE``,
-    or ``IN_RANGE_OR_BESIDE``. Points far from all are marked as such and face nothing.
+    or ``IN_RANGE_OR_BESIDE``. Points far from all are marked as such and face nothing. ``only`` : a single item, or
+    ``EVERY`` point.
     """
     if len(table.item) == 0:
         return
@@ -296,8 +297,9 @@ def face(table, points, d, within):  # type: ignore[no-untyped-def]
     for k in range(len(table.item)):
         i = table.item[k]
         beside = points.par[i, OPPOSITE + BOTH_SIDES] > 0.0
-        if UNUSED_ON_ELEMENT <= points.mem[i, PLACEMENT] <= UNUSED and not beside:
-            # only points of an axis have to know their side before they are in use
+        unused = UNUSED_ON_ELEMENT <= points.mem[i, PLACEMENT] <= UNUSED
+        # only points of an axis have to know their side before they are in use
+        if (only != EVERY and only != i) or (unused and not beside):
             continue
         fields_of_first(points, i, table.own[k, 1], d, u)
         z = points.mem[i, PLACE] if points.mem[i, PLACEMENT] > 0.0 else points.par[i, HOME]

@@ -7,7 +7,7 @@ from typing import Any
 from . import calls
 from .body_passages import bodies_cross
 from .curves import add_skew, point_accept, point_forces, point_tangent
-from .facing import IN_RANGE, IN_RANGE_OR_BESIDE, face
+from .facing import EVERY, IN_RANGE, IN_RANGE_OR_BESIDE, face
 from .lowlevel.arrays import array
 from .lowlevel.jit import addressed, inner, kernel, named, seldom
 from .matrices.symmetric import in_band, in_fronts, places_in
@@ -90,7 +90,14 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
 def face_bodies(p, d):  # type: ignore[no-untyped-def]
     """Update which elements the contact points face at d (n_full,), for points close enough to have a force."""
     if len(p.facing.item) > 0:
-        calls.face(p.calls, (p.facing, p.points, d, IN_RANGE))
+        calls.face(p.calls, (p.facing, p.points, d, IN_RANGE, EVERY))
+
+
+@inner
+def face_body(p, i, d):  # type: ignore[no-untyped-def]
+    """Same as ``face_bodies`` for item i alone, if it is a point between bodies."""
+    if len(p.facing.item) > 0:
+        calls.face(p.calls, (p.facing, p.points, d, IN_RANGE, i))
 
 
 @inner
@@ -202,7 +209,8 @@ def violation(p, d, amps):  # type: ignore[no-untyped-def]
     """Return the largest |g| of all constraints, each relative to its own scale."""
     worst = 0.0
     if len(p.points.mem) > 0:
-        face_bodies(p, d)
+        if p.sided:
+            face_bodies(p, d)
         worst = max(worst, calls.point_violation(p.calls, (p.points, d, amps)))
     if len(p.sliding.multiplier) > 0:
         worst = max(worst, calls.sliding_violation(p.calls, (p.sliding, d, amps)))
@@ -214,7 +222,7 @@ def accept_patches(p, d, amps):  # type: ignore[no-untyped-def]
     """Update the history variables of point laws and joints at the accepted state d."""
     if len(p.points.mem) > 0:
         if len(p.facing.item) > 0:
-            calls.face(p.calls, (p.facing, p.points, d, IN_RANGE_OR_BESIDE))
+            calls.face(p.calls, (p.facing, p.points, d, IN_RANGE_OR_BESIDE, EVERY))
         calls.point_accept(p.calls, (p.points, d, amps))
     if len(p.sliding.multiplier) > 0:
         calls.sliding_accept(p.calls, (p.sliding, d))

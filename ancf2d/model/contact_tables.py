@@ -319,9 +319,9 @@ class BodyTable(ContactTable):
 
     def update_curves(self, d: Array) -> None:
         """Find the element opposite to each point at d (n_full,), and use its coordinates."""
-        from ..kernels.facing import face
+        from ..kernels.facing import EVERY, face
 
-        face(self.facing, self.table, d, self.within)
+        face(self.facing, self.table, d, self.within, EVERY)
 
     def keep_sides(self, d: Array, t: float) -> None:
         """Store, for points with a law, the side of an axis that they are on in the accepted state d (n_full,) at t."""

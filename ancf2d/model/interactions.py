@@ -18,7 +18,7 @@ from ..interactions.forces import Patch
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.compiled_laws import point_law_addresses, point_law_compilations
 from ..kernels.curves import point_accept
-from ..kernels.facing import face
+from ..kernels.facing import EVERY, face
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion.state import Turning
 from ..kernels.points import Assembly, Points, point_constraint_rates, point_matrices
@@ -198,7 +198,7 @@ class Batch:
         """Update the curves of contact points, and the elements opposite to them, to d (n_full,)."""
         self.curves.write(self.table, d, False)
         if len(self.facing.item):
-            face(self.facing, self.table, d, np.inf)
+            face(self.facing, self.table, d, np.inf, EVERY)
 
     def accept(self, d: Array, t: float) -> None:
         """Update the history variables of the laws with the accepted state d (n_full,) at t."""

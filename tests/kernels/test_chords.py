@@ -6,7 +6,7 @@ import pytest
 from ancf2d.elements import contact_gaps as gaps
 from ancf2d.elements import contact_geometry as geometry
 from ancf2d.interactions.body_contact import facing_table
-from ancf2d.kernels.facing import IN_RANGE, face
+from ancf2d.kernels.facing import EVERY, IN_RANGE, face
 from ancf2d.kernels.lowlevel.records import Record
 from ancf2d.model.interactions import point_table
 from tests import helpers
@@ -28,7 +28,7 @@ class Scene:
         touching = [p for p in model.springs if getattr(p, "pair", None) is not None]
         self.points, self.table = Record(point_table(touching)), Record(facing_table(touching))
         self.d = 0.05 * np.random.default_rng(3).standard_normal(len(model.numbering.place))
-        face(self.table, self.points, self.d, np.inf)
+        face(self.table, self.points, self.d, np.inf, EVERY)
 
     def samples(self, c: int) -> np.ndarray:
         """Return (z, 6) numbers of ``trace_at`` on curve c."""
@@ -38,7 +38,7 @@ class Scene:
     def distances(self, table: Record) -> np.ndarray:
         """Return the distance of each point from the place that it faces among the curves of a table, inf if none."""
         points, out = self.points, np.full(len(self.points.mem), np.inf)
-        face(table, points, self.d, np.inf)
+        face(table, points, self.d, np.inf, EVERY)
         for i, (fields, _coords) in zip(table.item, table.own, strict=True):
             if points.mem[i, gaps.FOOT_KIND] == gaps.NOWHERE:
                 continue
@@ -95,7 +95,7 @@ def test_a_search_among_all_curves_finds_the_nearest_of_those_found_on_each_alon
             chords=np.zeros((1, 5)), boxes=np.zeros((1, 4))))))
     np.testing.assert_array_equal(among_all, alone)
     assert np.isfinite(alone).sum() > 30
-    face(table, points, scene.d, IN_RANGE)
+    face(table, points, scene.d, IN_RANGE, EVERY)
     far = alone >= points.par[:, geometry.OPPOSITE + gaps.DEEPEST]
     assert far.any()
     assert not far.all()

@@ -15,7 +15,7 @@ from ancf2d.interactions.contact import ContactPoint
 from ancf2d.interactions.obstacles import PolylineObstacle
 from ancf2d.kernels.contact import _convex
 from ancf2d.kernels.curves import add_skew, point_accept, point_forces
-from ancf2d.kernels.facing import IN_RANGE, face
+from ancf2d.kernels.facing import EVERY, IN_RANGE, face
 from ancf2d.kernels.lowlevel.jit import kernel
 from ancf2d.kernels.lowlevel.records import Record
 from ancf2d.kernels.matrices.layout import Places
@@ -114,7 +114,7 @@ def test_what_friction_between_bodies_makes_unsymmetric_is_kept_whatever_a_point
     K, Q, ends = SymBand(np.zeros((n, n))), np.zeros(len(num.place)), np.zeros((2, n))
     maps = num.places
     v, x, h = np.zeros(len(num.place)), rng.standard_normal(n), 1e-6
-    face(table, points, model_T @ z, np.inf)
+    face(table, points, model_T @ z, np.inf, EVERY)
     tangent(points, model_T @ z, v, none, 0.0, Q, K, maps)
     assert (points.mem[:, FOOT_KIND] == WITHIN).sum() > 3
     lower = np.array([[K.values[i, n - 1 + j - i] if j <= i else 0.0 for j in range(n)] for i in range(n)])
@@ -155,7 +155,7 @@ def test_points_that_are_left_out_have_no_force(law, pushed) -> None:
         found = []
         for within in (np.inf, IN_RANGE):
             Q = np.zeros(size)
-            face(table, points, d, within)
+            face(table, points, d, within, EVERY)
             found.append((point_forces(points, d, 1e-2 * np.sin(np.arange(size)), none, Q), Q))
         (before, every), (after, some) = found
         left.append(int((points.apart > 0.0).sum()))

@@ -12,7 +12,7 @@ from .. import calls
 from ..lowlevel.arrays import vector
 from ..lowlevel.jit import addressed, inner, kernel, seldom
 from ..moving import place_moving
-from ..patches import face_bodies
+from ..patches import face_bodies, face_body
 from ..points import amplitude_of, does_not_act, fields_of_item, law_of_item, rates_of_item, work_arrays
 from .dynamics import signals_at, to_full
 from .events import NOWHERE, SAMPLES, interpolate
@@ -54,10 +54,15 @@ def _fill_acting(p, w, z, v, t, room, out):  # type: ignore[no-untyped-def]
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     place_moving(p, w.d, w.amps)
-    face_bodies(p, w.d)
+    faced = False
     for k in range(len(p.stops)):
         # usually the item that acted last still does
+        if not faced:
+            face_body(p, p.stops[k, 2], w.d)
         out[k], i = 1.0 if _item_acts(p.points, p.stops[k, 2], w, room) else 0.0, p.stops[k, 0]
+        if out[k] == 0.0 and not faced:
+            face_bodies(p, w.d)
+            faced = True
         while i < p.stops[k, 1] and out[k] == 0.0:
             if does_not_act(p.points, i, w.d):
                 i += p.points.run[i]
