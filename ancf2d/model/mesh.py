@@ -285,18 +285,18 @@ class BodyMesh:
         sizes = [w * max(i / l, j / half) for w, (i, j) in zip(self.shape_weights.tolist(), orders, strict=True)]
         return np.array([v for g in sizes for v in ([g, g] if element.components == 2 else [g, g, 1.0])])
 
-    @property
+    @cached_property
     def blocks(self) -> list[slice]:
         """The elements in blocks: evaluated at once, long bodies would need much memory."""
         return [slice(k, k + BLOCK) for k in range(0, len(self.dofs), BLOCK)]
 
     def largest_gradient(self, d: Array) -> float:
         """Return the largest rotation or strain that displacements d (n_full,) of the coordinates stand for."""
-        most = []
+        most, gradients = 0.0, self.gradients
         for block in self.blocks:
             part = d[self.dofs[block]]
-            most.append((self.gradients * np.abs(part, out=part)).max())
-        return float(np.max(most))
+            most = max(most, float((gradients * np.abs(part, out=part)).max()))
+        return most
 
     @cached_property
     def kinds(self) -> NDArray[np.int8]:
