@@ -292,10 +292,11 @@ class BodyMesh:
 
     def largest_gradient(self, d: Array) -> float:
         """Return the largest rotation or strain that displacements d (n_full,) of the coordinates stand for."""
-        most = []
+        most, gradients = [], self.gradients
         for block in self.blocks:
             part = d[self.dofs[block]]
-            most.append((self.gradients * np.abs(part, out=part)).max())
+            most.append((gradients * np.abs(part, out=part)).max())
+        # NaN if any is
         return float(most[0] if len(most) == 1 else np.max(most))
 
     @cached_property

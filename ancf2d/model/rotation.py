@@ -113,7 +113,7 @@ class SectionAngles:
 
         The full turns are found at the section that moved least between the two states.
         """
-        old, new = (self.angles(at)[:, [0, -1]] for at in (before, d))
+        old, new = (self.angles(at)[:, ::len(self.xi) - 1].copy() for at in (before, d))
         old += whole_turns(turned - old[0, 0])
         moved = np.abs(np.sin(0.5 * (new - old)))
         ends, change = self._rows(self.xi[[0, -1]], 0, 0), d[self.coordinates] - before[self.coordinates]
