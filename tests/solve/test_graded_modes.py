@@ -41,6 +41,12 @@ def test_rayleigh_ritz_keeps_relative_digits(m):
     np.testing.assert_allclose(Y @ Y.T, np.eye(m), atol=1e-14)
 
 
+def test_dependent_vectors_are_refused():
+    V = np.concatenate([np.eye(3), [[0.6, 0.8, 1e-7]]])
+    with pytest.raises(np.linalg.LinAlgError):
+        graded_ritz(V, V * SIZES[:3], V, 2)
+
+
 class Diagonal:
     """A pencil with known eigenvalues (n,), B = 1, and factors of a stiffness with errors ``wrong`` (n,)."""
 

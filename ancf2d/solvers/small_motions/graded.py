@@ -11,6 +11,8 @@ from ...model.mesh import Index
 
 # off-diagonal entries, relative to the diagonal ones, that are round-off; most sweeps of Jacobi's method
 SMALL, SWEEPS = 1e-15, 12
+# a vector of which no more than this share is independent of the softer ones depends on them
+DEPENDENT = 1e-10
 
 
 def graded_ritz(V: Array, HV: Array, GV: Array, m: int) -> tuple[Array, Array]:
@@ -21,11 +23,12 @@ def graded_ritz(V: Array, HV: Array, GV: Array, m: int) -> tuple[Array, Array]:
     the work of the stiffer vector against the small forces of the softer one. Raises LinAlgError if vectors of V
     depend on one another.
     """
-    sizes = np.einsum("ij,ij->i", V, HV) / np.einsum("ij,ij->i", V, GV)
-    order = np.argsort(np.abs(sizes), kind="stable")
-    V, HV, GV = V[order], HV[order], GV[order]
     H, G = V @ HV.T, V @ GV.T
+    order = np.argsort(np.abs(np.diag(H) / np.diag(G)), kind="stable")
+    H, G = (A[np.ix_(order, order)] for A in (H, G))
     L: Array = np.asarray(np.linalg.cholesky(0.5 * (G + G.T)), dtype=float)
+    if np.any(np.diag(L)**2 < DEPENDENT * np.diag(G)):
+        raise np.linalg.LinAlgError
     half = _forward(L, np.tril(H) + np.tril(H, -1).T)
     values, Y = jacobi(_forward(L, half.T))
     lowest = np.argsort(values, kind="stable")[:m]

@@ -315,13 +315,16 @@ def _refine(pencil: Pencil, values: Array, V: Array, shift: float) -> tuple[Arra
         for _ in range(2):
             C -= (C @ MV.T) @ V
         C /= np.sqrt(np.maximum(np.einsum("kn,kn->k", C, map_rows(pencil.apply_B, C)), 1e-300))[:, None]
-        new, Y = _ritz(np.vstack([V, C]), np.vstack([KV, map_rows(pencil.stiffness, C)]),
-                       np.vstack([MV, map_rows(pencil.apply_B, C)]), m, scale)
+        # one by one: the vectors of long meshes need much memory
+        KV = np.vstack([KV, map_rows(pencil.stiffness, C)])
+        MV = np.vstack([MV, map_rows(pencil.apply_B, C)])
+        V = np.vstack([V, C])
+        new, Y = _ritz(V, KV, MV, m, scale)
         moved = np.abs(new - values)
         rate, change = np.minimum(moved / np.maximum(before, 1e-300), SLOW), moved / (np.abs(new) + scale)
         # what is left of a geometric series
         rest, before = np.where(poor, change * rate / (1.0 - rate), rest), moved
-        V, values, poor = Y[:, :m] @ V + Y[:, m:] @ C, new, poor & (change > SETTLED)
+        V, values, poor = Y @ V, new, poor & (change > SETTLED)
         if np.all(rate[poor] >= SLOW):
             break
     return values, V, rest
