@@ -36,6 +36,8 @@ PATIENCE = 1.5
 NAMES, MOST_NAMES = "compiled", 1 << 16
 # a compiling process touches the lock file every BEAT seconds; without that for STOPPED_AFTER seconds, it has stopped
 BEAT, STOPPED_AFTER, TICK = 0.5, 5.0, 0.05
+# number of objects that are frozen already: Python 3.12 starts with some
+FROZEN = gc.get_freeze_count()
 # share of a motion that is computed to compile its kernels
 MOMENT = 1e-6
 # names of the kernels that this process has used: another case of the same kind needs no new ones
@@ -104,12 +106,12 @@ def _seldom_collected() -> Iterator[None]:
 @contextmanager
 def objects_frozen() -> Iterator[None]:
     """Collect no garbage among the objects that exist already: looking through them takes a tenth of small runs."""
-    before = gc.get_freeze_count()
+    outermost = gc.get_freeze_count() <= FROZEN
     gc.freeze()
     try:
         yield
     finally:
-        if before == 0:
+        if outermost:
             gc.unfreeze()
 
 
