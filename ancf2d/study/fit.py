@@ -171,7 +171,7 @@ def _conclude(loaded: LoadedCase, problem: Search, found: Any, start: Sequence[f
     for k, (b, v) in enumerate(zip(problem.bounds, values, strict=True)):
         rows.append(Fitted(b.path, v, None if lost[k] else float(errors[k]), b.low, b.high, start[k]))
         if lost[k]:
-            warnings.append(f"{b.path}: the data do not tell it, or not apart from the others")
+            warnings.append(f"{b.path}: the data do not determine it, or not separately from the others")
         if min(found.x[k], 1.0 - found.x[k]) < AT_BOUND:
             warnings.append(f"{b.path} ends at the bound {v:g}; the data may want it beyond")
     if loaded.case.expected:

@@ -163,7 +163,7 @@ def test_what_the_data_do_not_tell_has_no_standard_error() -> None:
     assert found.rows[0].value == pytest.approx(1250.0, rel=1e-6)
     assert found.rows[0].standard_error is not None
     assert found.rows[1].standard_error is None
-    assert any("do not tell it" in text for text in found.warnings)
+    assert any("do not determine it" in text for text in found.warnings)
     bound = fitted(BENT, data_of(data), f"{EI}=100:1100")
     assert bound.rows[0].value == pytest.approx(1100.0)
     assert any("ends at the bound" in text for text in bound.warnings)

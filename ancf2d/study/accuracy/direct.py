@@ -119,7 +119,7 @@ class Direct:
     def _doubled(setting: Setting) -> tuple[Setting, str]:
         """Return the mesh twice as fine, and why it is tried."""
         counts = {name: 2 * n for name, n in setting.counts.items()}
-        return replace(setting, counts=counts), "twice as fine, as the meshes beside tell nothing"
+        return replace(setting, counts=counts), "twice as fine, because the neighbours show no order"
 
     def _refined_locally(self, level: Level) -> tuple[Setting, str] | None:
         """Return a mesh with far shorter elements where a mesh that shows no order yet has the largest errors.
@@ -186,7 +186,7 @@ class Direct:
                 solve_neighbour(loaded, solved, level, False))[0]
             verdict = verdict_of(coarse, level, fine, max(self.orders.values()))
         if verdict is None:
-            return Estimate(None, None, None, False, "its neighbours do not tell"), math.inf
+            return Estimate(None, None, None, False, "its neighbours show no order"), math.inf
         self.verdict, self.finer = verdict, fine
         level.estimate, fine.estimate = verdict.error, verdict.finer_error
         if len(level.setting.counts) > 1:
@@ -194,13 +194,13 @@ class Direct:
         return verdict.estimate, verdict.error
 
     def _find_weights(self, level: Level) -> None:
-        """Find the influence of each body's mesh on the goal: by the adjoint if there is one, or on a coarser mesh."""
+        """Find the influence of each body's mesh on the goal, by the adjoint if there is one, else by refining it."""
         pursuit, found = self.pursuit, self._parts()
         if found is not None:
             pursuit.weights, pursuit.by_adjoint = found.bodies, True
         elif not pursuit.weights:
             kept = pursuit.last, pursuit.case
-            pursuit.weights = influence_by_body(pursuit, self._coarser(level)) or {}
+            pursuit.weights = influence_by_body(pursuit, (self._known_coarser(level) or level).setting) or {}
             pursuit.last, pursuit.case = kept
 
     def _parts(self) -> Weighted | None:
@@ -213,13 +213,9 @@ class Direct:
 
     def _known_coarser(self, level: Level) -> Level | None:
         """Return the level of the mesh half as fine if it is solved already."""
-        found = self.pursuit.known.get(self._coarser(level).name)
+        counts = {name: n // 2 for name, n in level.setting.counts.items()}
+        found = self.pursuit.known.get(replace(level.setting, counts=counts).name)
         return None if found is None or found.answer is None else found
-
-    @staticmethod
-    def _coarser(level: Level) -> Setting:
-        """Return the mesh half as fine."""
-        return replace(level.setting, counts={name: n // 2 for name, n in level.setting.counts.items()})
 
     def _next(self, level: Level, verdict: Verdict) -> tuple[Setting, str]:
         """Return the mesh predicted to suffice, with unequal elements if these save enough, and why it is tried."""
