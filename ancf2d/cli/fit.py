@@ -92,7 +92,7 @@ def report(fit: Fit) -> str:
     rows = [["number", "value", "standard error", "start", "low", "high"],
             *([row.path, number(row.value, 8), number(row.standard_error, 2), number(row.start, 4), number(row.low, 4),
                number(row.high, 4)] for row in fit.rows)]
-    columns = [["column", "points", "rms difference", "beside"],
+    columns = [["column", "points", "rms difference", "scale"],
                *([with_unit(name.replace(".", " "), fit.loaded.case.units.labels), str(int(n)), number(rms, 4),
                   number(scale, 4)] for name, n, rms, scale in
                  zip(fit.data.names, fit.data.known.sum(axis=0), fit.rms, fit.scales, strict=True))]

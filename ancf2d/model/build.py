@@ -61,8 +61,12 @@ def can_hang(case: Case) -> bool:
     """Return whether the solver can find the equilibrium of a mechanism under gravity."""
     solver = case.solver
     static = solver.vibrates or (isinstance(solver, Static) and not solver.on_path)
-    return static and solver.course[1] > 0.0 and any(
-        any(load.acceleration or ()) and load.name not in case.inputs for load in case.loads)
+    return static and solver.course[1] > 0.0 and bool(_gravity(case))
+
+
+def _gravity(case: Case) -> list[Any]:
+    """Return the accelerations of the loads that act on all mass; those of inputs do not act."""
+    return [load.acceleration for load in case.loads if any(load.acceleration or ()) and load.name not in case.inputs]
 
 
 def support_names(case: Case) -> list[str]:
@@ -322,8 +326,7 @@ class _Builder:
         if motions and can_hang(self.case):
             # gravity can hold motions with rotation, and across what bodies hang on; others have no equilibrium, or
             # infinitely many
-            weights = [load.acceleration for load in self.case.loads if load.acceleration is not None]
-            motions = free_motions(*scene, weight=np.sum(weights, axis=0))
+            motions = free_motions(*scene, weight=np.sum(_gravity(self.case), axis=0))
             self.hangs = not motions
         for motion in motions:
             idle = [spring.path for spring in self.springs

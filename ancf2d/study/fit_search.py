@@ -151,9 +151,10 @@ class Search:
         share, before = data.x[-1] / self.data.x[-1], self.runs
         search = Search(self.loaded, data, self.variables, self.bounds, self.scales, self.progress,
                         lambda runs, residual: self.done(math.ceil(before + share * runs), residual), first_part=True)
-        found = search.minimise(z0).x
-        self.runs += share * search.runs
-        return np.asarray(found)
+        try:
+            return np.asarray(search.minimise(z0).x)
+        finally:
+            self.runs += share * search.runs
 
     def jacobian(self, z: Array) -> Array:
         """Return the derivatives (m, n) of the differences by z. Raises ComputationError."""

@@ -71,6 +71,17 @@ def test_values_of_motions_are_sums_of_changes_of_states(solver: str, x: np.ndar
         np.testing.assert_allclose(enough[:, k], by_states[:, k], atol=read.negligible * size)
 
 
+def test_the_first_part_of_a_search_ends_with_its_data() -> None:
+    """The first third of the values of all columns, of which one begins late; the motion ends with the last of them."""
+    x = 0.012 * np.arange(1, 31)
+    late = np.where(x > 0.1, x, np.nan)
+    data = data_of({"t": x, "tip.uy": x, "mid.uy": late})
+    early = data.early(1.0 / 3.0)
+    assert early.known.sum() == pytest.approx(data.known.sum() / 3.0, abs=1.0)
+    assert early.x[-1] == x[len(early.x) - 1] < 0.5 * x[-1]
+    assert comparable(ancf2d.load(CASE), early).case.solver.t_end == pytest.approx(early.x[-1])
+
+
 def test_a_step_takes_the_place_of_a_difference(monkeypatch: pytest.MonkeyPatch) -> None:
     """Derivatives of a linear model are exact, whether the runs go along the numbers or across the last step."""
     A, z = np.random.default_rng(0).normal(size=(7, 3)), np.array([0.2, 0.5, 0.9])

@@ -18,7 +18,7 @@ from ancf2d.errors import CaseError, ResultsError
 from ancf2d.results import open_results, part_path
 from ancf2d.results.records import short_names
 from ancf2d.results.target import Target
-from ancf2d.study import digests, sweep_runs
+from ancf2d.study import digests, sweep_runs, warmup
 from ancf2d.study.pool import ALONE
 from ancf2d.study.run import run_case
 from ancf2d.study.sweep import plan, run_sweep
@@ -140,6 +140,20 @@ def test_garbage_is_not_looked_for_among_what_was_there_before(monkeypatch: pyte
     assert len(frozen) == 2
     assert min(frozen) > 10_000
     assert gc.get_freeze_count() == 0
+
+
+@pytest.mark.parametrize(("at_start", "left"), [(True, False), (False, True)])
+def test_objects_that_were_frozen_before_stay_so_unless_python_froze_them(at_start: bool, left: bool,
+                                                                          monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python 3.12 starts with some frozen objects, which are no reason to leave all others frozen."""
+    gc.freeze()
+    monkeypatch.setattr(warmup, "FROZEN", gc.get_freeze_count() if at_start else 0)
+    try:
+        with warmup.objects_frozen():
+            pass
+        assert (gc.get_freeze_count() > 0) == left
+    finally:
+        gc.unfreeze()
 
 
 def test_paths_that_do_not_exist_are_told_at_once_and_nothing_is_computed() -> None:

@@ -109,14 +109,14 @@ def _summary(loaded: LoadedCase, model: Model, state: Any) -> dict[str, Any]:
     from ..measures import last_summary
 
     return last_summary(model, [state], goal.reaction is not None, goal_kind(goal) in ("force", "moment"),
-                        probes=[str(goal.probe)])
+                        probes=[goal.probe] if goal.probe else [])
 
 
 def verdict_of_two(middle: Level, fine: Level) -> Verdict | None:
     """Return the verdict of a mesh and a finer one, whatever the order from 1 on, or None if they show no error."""
     if middle.answer is None or fine.answer is None or middle.kinks:
         return None
-    size, left = middle.answer.size, -math.expm1(-UNSHOWN * math.log(2.0))
+    size, left = middle.answer.size, 1.0 - 2.0**-UNSHOWN
     error = SAFETY * abs(fine.answer.gap(middle.answer)) / left
     return Verdict(Estimate(fine.answer.value, error, None, True, ""), error / size, (1.0 - left) * error / size)
 
