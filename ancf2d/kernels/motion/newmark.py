@@ -29,6 +29,7 @@ from .state import (
     INTO_SUPPORTS,
     NOT_CONVERGED,
     NOT_FINITE,
+    PREDICTION,
     SINGULAR,
     STARTS_CONSISTENT,
 )
@@ -39,6 +40,10 @@ MAKING = 3.0
 # fraction of the extent: smaller increments count as round-off while contact points alternately open and close (they
 # add up from the gap below which a point counts as touching, 1e-12)
 TOUCHES = 4e-11
+# a longer series in h predicts the next step if its error in this one was below this share of a shorter one's
+BETTER = 0.5
+# number of steps without a series after one of which Newton's method did not converge
+WAIT = 16.0
 # solves with an unsymmetric tangent: most products with its skew part, and the relative residual that is left
 KRYLOV, ENOUGH = 8, 1e-4
 
@@ -187,12 +192,37 @@ def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _go_to(m, p, s, h, share):  # type: ignore[no-untyped-def]
-    """Set the first iterate of Newton's method to the start of the step plus ``share`` times h v."""
+def _go_to(m, p, s, h, order):  # type: ignore[no-untyped-def]
+    """Set the first iterate of Newton's method to a series in h: z (order 0), z + h v (1), or one more term (2)."""
     for i in range(len(m.alg)):
-        if p.coordinate[i] != 0.0:
-            m.alg[i] = -((1.0 - share) * s.v[i] / h + (0.5 - m.beta) * m.starts * s.extra[0, i]) / m.beta
+        if order >= 2.0:
+            m.alg[i] = s.extra[0, i]
+        elif p.coordinate[i] != 0.0:
+            rate = s.v[i] / h if order < 1.0 else 0.0
+            m.alg[i] = -(rate + (0.5 - m.beta) * m.starts * s.extra[0, i]) / m.beta
     copy(s.z, m.end.z)
+
+
+@inner
+def _best_order(m, p, w, s, h):  # type: ignore[no-untyped-def]
+    """Return the order of the series in h that predicted the end of this step best, for ``_go_to`` in the next step.
+
+    Vibrations that the step does not resolve have large accelerations; their predicted strains would make a fibre yield
+    or Newton's method diverge.
+    """
+    best, order = np.inf, 0
+    for k in range(3):
+        for i in range(len(w.x)):
+            if k == 0:
+                w.x[i] = p.coordinate[i] * (m.end.z[i] - s.z[i])
+            elif k == 1:
+                w.x[i] -= p.coordinate[i] * h * s.v[i]
+            else:
+                w.x[i] -= p.coordinate[i] * h * h * ((0.5 - m.beta) * m.starts + m.beta) * s.extra[0, i]
+        error = norm(p, w.x)
+        if error < BETTER * best:
+            best, order = error, k
+    return float(order)
 
 
 @inner
@@ -284,14 +314,14 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
                 copy(s.extra[1], m.before[0])
                 copy(s.extra[2], m.before[2])
     signals_at(p, t + h, w.amps)
-    copy(s.extra[0], m.alg)
-    copy(s.z, end.z)
-    if p.sided and s.numbers[STARTS_CONSISTENT] > 0.0:
-        _go_to(m, p, s, h, 1.0)
+    order = 2.0 - s.numbers[STARTS_CONSISTENT] if p.sided else s.numbers[PREDICTION]
+    _go_to(m, p, s, h, order)
     outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
-    if outcome == NOT_CONVERGED and p.sided:
-        # a sticking point may have been predicted to slide, so that the iteration alternates between both directions
-        unfix_active_set(p)
+    if outcome == NOT_CONVERGED and order > 0.0:
+        # a fibre may have been predicted to yield, or a sticking point to slide, so that the iteration alternates
+        if p.sided:
+            unfix_active_set(p)
+        s.numbers[PREDICTION] = -WAIT
         _go_to(m, p, s, h, 0.0)
         outcome, more, rate = _iterate(m, p, w, s, h, ca)
         iterations += more
@@ -305,6 +335,7 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
             calls.friction_forces(p.calls, (p, w, end.z, end.v, t + h, m.after))
             error = max(error, reversal_error(p, m, h))
         s.numbers[FRICTION_LOSS] = h * lost_to_friction(m, p, end.z)
+    s.numbers[PREDICTION] = _best_order(m, p, w, s, h) if s.numbers[PREDICTION] >= 0.0 else s.numbers[PREDICTION] + 1.0
     dense = end.dense
     for i in range(len(m.alg)):
         dense[0, i], dense[1, i], dense[2, i] = h * s.v[i], end.z[i] - s.z[i], h * end.v[i]
@@ -338,4 +369,4 @@ def newmark_inside(p, m, h, x):  # type: ignore[no-untyped-def]
 def newmark_restart(m: Any, s: Any) -> None:
     """Restart from the accelerations in s, which are consistent."""
     s.extra[:] = 0.0
-    s.extra[0], s.numbers[STARTS_CONSISTENT] = s.a, 1.0
+    s.extra[0], s.numbers[STARTS_CONSISTENT], s.numbers[PREDICTION] = s.a, 1.0, 0.0
