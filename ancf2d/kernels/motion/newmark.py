@@ -21,6 +21,7 @@ from .contact_steps import (
 from .dynamics import add_mass, factor, has_converged, norm, record_increment, residual, signals_at, solve_with
 from .feedback import weigh_state
 from .friction import has_friction
+from .prediction import best_prediction
 from .state import (
     BACKWARD,
     CONTRACTION,
@@ -40,9 +41,7 @@ MAKING = 3.0
 # fraction of the extent: smaller increments count as round-off while contact points alternately open and close (they
 # add up from the gap below which a point counts as touching, 1e-12)
 TOUCHES = 4e-11
-# a longer series in h predicts the next step if its error in this one was below this share of a shorter one's
-BETTER = 0.5
-# number of steps without a series after one of which Newton's method did not converge
+# number of steps that start at z after one of which Newton's method did not converge from another prediction
 WAIT = 16.0
 # solves with an unsymmetric tangent: most products with its skew part, and the relative residual that is left
 KRYLOV, ENOUGH = 8, 1e-4
@@ -192,37 +191,26 @@ def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _go_to(m, p, s, h, order):  # type: ignore[no-untyped-def]
-    """Set the first iterate of Newton's method to a series in h: z (order 0), z + h v (1), or one more term (2)."""
+def _go_to(m, p, s, h, prediction):  # type: ignore[no-untyped-def]
+    """Set the first iterate of Newton's method to a prediction of the step; the longest keeps alg."""
     for i in range(len(m.alg)):
-        if order >= 2.0:
+        if prediction >= 2.0:
             m.alg[i] = s.extra[0, i]
         elif p.coordinate[i] != 0.0:
-            rate = s.v[i] / h if order < 1.0 else 0.0
+            rate = s.v[i] / h if prediction < 1.0 else 0.0
             m.alg[i] = -(rate + (0.5 - m.beta) * m.starts * s.extra[0, i]) / m.beta
     copy(s.z, m.end.z)
 
 
 @inner
-def _best_order(m, p, w, s, h):  # type: ignore[no-untyped-def]
-    """Return the order of the series in h that predicted the end of this step best, for ``_go_to`` in the next step.
-
-    Vibrations that the step does not resolve have large accelerations; their predicted strains would make a fibre yield
-    or Newton's method diverge.
-    """
-    best, order = np.inf, 0
-    for k in range(3):
-        for i in range(len(w.x)):
-            if k == 0:
-                w.x[i] = p.coordinate[i] * (m.end.z[i] - s.z[i])
-            elif k == 1:
-                w.x[i] -= p.coordinate[i] * h * s.v[i]
-            else:
-                w.x[i] -= p.coordinate[i] * h * h * ((0.5 - m.beta) * m.starts + m.beta) * s.extra[0, i]
-        error = norm(p, w.x)
-        if error < BETTER * best:
-            best, order = error, k
-    return float(order)
+def _next_prediction(m, p, w, s, h):  # type: ignore[no-untyped-def]
+    """Return the prediction for the next step: z for some steps after a failure, else the one that was best here."""
+    if s.numbers[PREDICTION] < 0.0:
+        return s.numbers[PREDICTION] + 1.0
+    second = h * h * ((0.5 - m.beta) * m.starts + m.beta)
+    for i in range(len(m.alg)):
+        w.x[i], w.y[i] = m.end.z[i] - s.z[i], h * s.v[i] + second * s.extra[0, i]
+    return best_prediction(p, w, s, h, w.x, w.y)
 
 
 @inner
@@ -314,10 +302,10 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
                 copy(s.extra[1], m.before[0])
                 copy(s.extra[2], m.before[2])
     signals_at(p, t + h, w.amps)
-    order = 2.0 - s.numbers[STARTS_CONSISTENT] if p.sided else s.numbers[PREDICTION]
-    _go_to(m, p, s, h, order)
+    prediction = 2.0 - s.numbers[STARTS_CONSISTENT] if p.sided else s.numbers[PREDICTION]
+    _go_to(m, p, s, h, prediction)
     outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
-    if outcome == NOT_CONVERGED and order > 0.0:
+    if outcome == NOT_CONVERGED and prediction > 0.0:
         # a fibre may have been predicted to yield, or a sticking point to slide, so that the iteration alternates
         if p.sided:
             unfix_active_set(p)
@@ -335,7 +323,7 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
             calls.friction_forces(p.calls, (p, w, end.z, end.v, t + h, m.after))
             error = max(error, reversal_error(p, m, h))
         s.numbers[FRICTION_LOSS] = h * lost_to_friction(m, p, end.z)
-    s.numbers[PREDICTION] = _best_order(m, p, w, s, h) if s.numbers[PREDICTION] >= 0.0 else s.numbers[PREDICTION] + 1.0
+    s.numbers[PREDICTION] = _next_prediction(m, p, w, s, h)
     dense = end.dense
     for i in range(len(m.alg)):
         dense[0, i], dense[1, i], dense[2, i] = h * s.v[i], end.z[i] - s.z[i], h * end.v[i]
@@ -356,7 +344,7 @@ def newmark_go_on(s, m):  # type: ignore[no-untyped-def]
     """Restart in compiled code after an impact, same as ``newmark_restart``."""
     copy(s.a, s.extra[0])
     s.extra[1:] = 0.0
-    s.numbers[STARTS_CONSISTENT] = 1.0
+    s.numbers[STARTS_CONSISTENT], s.numbers[PREDICTION] = 1.0, 0.0
 
 
 @addressed

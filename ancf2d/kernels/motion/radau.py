@@ -21,6 +21,7 @@ from ..moving import add_moving_product
 from ..patches import violation
 from .dynamics import SATISFIED, norm, record_increment, residual, signals_at, solve_with, to_full, weighted_norm
 from .feedback import weigh_state
+from .prediction import best_prediction_of_stages, predict_stages
 from .reused_tangent import count, tangent, turn, turns
 from .stages import TILE, combine, give, let_relax, place, ungive
 from .state import (
@@ -30,20 +31,12 @@ from .state import (
     NOT_CONVERGED,
     NOT_FINITE,
     OLD_STEP,
+    PREDICTION,
     SINGULAR,
     TANGENT_STEP,
     TANGENT_TIME,
 )
 from .step_control import increment_tolerance, round_off
-
-
-@inner
-def combine_all(F, X, out):  # type: ignore[no-untyped-def]
-    """Fill out (s, n) with F X."""
-    s, n = X.shape
-    for first in range(0, n, TILE):
-        for i in range(s):
-            combine(F, i, X, first, out, i * n + first, min(TILE, n - first))
 
 
 @inner
@@ -124,37 +117,6 @@ class Radau(NamedTuple):
     F: Any
     rows: Any
     relaxing: Any
-
-
-@inner
-def _predict(m, p, s, h):  # type: ignore[no-untyped-def]
-    """Predict the stages by extrapolating the last step's polynomials, or by the series in h after a restart."""
-    stages, n = m.X.shape
-    old = s.numbers[OLD_STEP]
-    if old <= 0.0:
-        for i in range(stages):
-            ch = m.c[i] * h
-            for k in range(n):
-                m.X[i, k] = ch * (s.v[k] + 0.5 * ch * s.a[k]) if p.coordinate[k] != 0.0 else s.z[k]
-        return
-    for i in range(stages):
-        x = 1.0 + m.c[i] * h / old
-        for j in range(stages):
-            # Lagrange polynomials: positions on 0 and all nodes, multipliers on the nodes
-            f = x / m.c[j]
-            for q in range(stages):
-                if q != j:
-                    f *= (x - m.c[q]) / (m.c[j] - m.c[q])
-            m.F[i, j] = f
-    combine_all(m.F, array_at(s.extra, 0, (stages, n)), m.X)
-    for i in range(stages):
-        x = 1.0 + m.c[i] * h / old
-        for k in range(n):
-            m.X[i, k] -= s.extra[stages - 1, k]
-        for k in m.multipliers:
-            m.X[i, k] = 0.0
-            for j in range(stages):
-                m.X[i, k] += m.F[i, j] * m.c[j] / x * s.extra[j, k]
 
 
 @inner
@@ -343,7 +305,7 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     if relaxes:
         calls.begin_stages(m.relaxing.calls, (m, h))
     while True:
-        _predict(m, p, s, h)
+        predict_stages(m, p, s, h)
         _rates(m, s, h, False)
         let_relax(m, p, w, s)
         if not tangent(m, p, w, s, t, h):
@@ -358,10 +320,14 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
             break
         s.numbers[TANGENT_STEP] = 0.0
         if not kept:
-            return outcome, iterations, 0.0, rate
+            if s.numbers[OLD_STEP] > 0.0 or s.numbers[PREDICTION] == 0.0:
+                return outcome, iterations, 0.0, rate
+            # accelerations after a restart may be those of stiff vibrations
+            s.numbers[PREDICTION] = 0.0
     m.held[2] = iterations
     m.held[3] = calls.lost_in_relaxing(m.relaxing.calls, (p, w, s, m)) if relaxes else 0.0
     error = _error(m, p, w, s, h, kept)
+    s.numbers[PREDICTION] = best_prediction_of_stages(m, p, w, s, h)
     _finish(m, p, s, h)
     return DONE, iterations, error, max(rate, 1e-3)
 
@@ -376,4 +342,4 @@ def radau_accept(s, m):  # type: ignore[no-untyped-def]
 
 def radau_restart(m: Any, s: Any) -> None:
     """Restart: the series in h predicts the next step, which gets a new tangent."""
-    s.numbers[OLD_STEP] = s.numbers[TANGENT_STEP] = 0.0
+    s.numbers[OLD_STEP], s.numbers[TANGENT_STEP], s.numbers[PREDICTION] = 0.0, 0.0, 2.0

@@ -33,7 +33,7 @@ ENGAGED_STEP, RATE_ERRORS, FASTEST = range(28, 31)
 # impact at the end of a step: 1 + the item with the largest impulse (0: no impact); number of impulses; their sum
 # [N s]; energy lost
 IMPACT_ITEM, IMPACT_POINTS, IMPULSE, IMPACT_LOSS = range(31, 35)
-# order of the series in h that starts Newton's method in the next step (Newmark's family)
+# how Newton's method starts in the next step (``prediction``); negative: the number of steps that start at z
 PREDICTION = 35
 NUMBERS = 36
 

@@ -32,6 +32,7 @@ from .state import (
     LAST_EULER,
     NEXT_EULER,
     OLD_STEP,
+    PREDICTION,
     SIZE,
     STARTS_CONSISTENT,
     STEP_SIZE,
@@ -260,7 +261,7 @@ def switched_accept(s, own):  # type: ignore[no-untyped-def]
 @addressed
 def switched_go_on(s, own):  # type: ignore[no-untyped-def]
     """Restart Radau's method after a backward Euler step."""
-    s.numbers[OLD_STEP] = s.numbers[TANGENT_STEP] = 0.0
+    s.numbers[OLD_STEP], s.numbers[TANGENT_STEP], s.numbers[PREDICTION] = 0.0, 0.0, 2.0
 
 
 @addressed
