@@ -89,6 +89,10 @@ RELAXING = {"bodies": {"a": rod("reissner3", 4, viscoelastic=[{"modulus": 2.0, "
                        "b": rod("vallejo", 2, (0, 1), (1, 1), viscoelastic=[{"modulus": 0.5, "time": 0.1},
                                                                             {"modulus": 0.2, "time": 1.0}])},
             "bc": [{"type": "pin", "at": "a@0"}, {"type": "pin", "at": "b@0"}], "loads": GRAVITY}
+# a step has dozens of periods of the fastest vibrations; the force bends the beam beyond its yield stress
+YIELDING = {"bodies": {"a": h.body(h.line(1.0), h.element("reissner3", 200), {"height": 0.02, "width": 0.02}, {
+                "E": 2e11, "nu": 0.3, "rho": 7850, "yield": 2.5e8, "hardening": {"kinematic": 1e10}})},
+            "bc": [{"type": "clamp", "at": "a@0"}], "loads": [{"type": "force", "at": "a@1", "value": [0, -460]}]}
 CASES: dict[str, Callable[[pytest.MonkeyPatch], Counter[str]]] = {
     "large deflection, reissner2": still("reissner2", 64, "static", **LOADED),
     "large deflection, vallejo": still("vallejo", 16, "static", **LOADED),
@@ -103,6 +107,8 @@ CASES: dict[str, Callable[[pytest.MonkeyPatch], Counter[str]]] = {
     "motion of materials that relax, radau9, adaptive": moving(RELAXING, 0.5, tolerance=1e-6, method="radau9"),
     "motion, generalized alpha": moving(TWELVE, 0.2, dt=1e-3, method="generalized_alpha"),
     "motion, generalized alpha, full Newton": moving(TWELVE, 0.2, dt=1e-3, method="generalized_alpha", newton="full"),
+    "motion of fibres, generalized alpha, long steps": moving(YIELDING, 2e-3, dt=1e-4, method="generalized_alpha"),
+    "motion of fibres, radau9, long steps": moving(YIELDING, 2e-3, dt=1e-4, method="radau9"),
     "motion, energy-momentum": moving(TWELVE, 0.2, dt=1e-3, method="energy_momentum"),
     "mechanism with multipliers, radau5": moving(CRANK, 0.2, tolerance=1e-5),
     "mechanism with multipliers, generalized alpha": moving(CRANK, 0.2, dt=2e-3, method="generalized_alpha")}
