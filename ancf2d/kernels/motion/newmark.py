@@ -302,7 +302,9 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
                 copy(s.extra[1], m.before[0])
                 copy(s.extra[2], m.before[2])
     signals_at(p, t + h, w.amps)
-    prediction = 2.0 - s.numbers[STARTS_CONSISTENT] if p.sided else s.numbers[PREDICTION]
+    # contacts and controllers that switch at wrong places may alternate, so they need the longest prediction
+    switches = p.sided or p.least_iterations > 1
+    prediction = 2.0 - (s.numbers[STARTS_CONSISTENT] if p.sided else 0.0) if switches else s.numbers[PREDICTION]
     _go_to(m, p, s, h, prediction)
     outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
     if outcome == NOT_CONVERGED and prediction > 0.0:
@@ -344,7 +346,7 @@ def newmark_go_on(s, m):  # type: ignore[no-untyped-def]
     """Restart in compiled code after an impact, same as ``newmark_restart``."""
     copy(s.a, s.extra[0])
     s.extra[1:] = 0.0
-    s.numbers[STARTS_CONSISTENT], s.numbers[PREDICTION] = 1.0, 0.0
+    s.numbers[STARTS_CONSISTENT], s.numbers[PREDICTION] = 1.0, 2.0
 
 
 @addressed
@@ -357,4 +359,4 @@ def newmark_inside(p, m, h, x):  # type: ignore[no-untyped-def]
 def newmark_restart(m: Any, s: Any) -> None:
     """Restart from the accelerations in s, which are consistent."""
     s.extra[:] = 0.0
-    s.extra[0], s.numbers[STARTS_CONSISTENT], s.numbers[PREDICTION] = s.a, 1.0, 0.0
+    s.extra[0], s.numbers[STARTS_CONSISTENT], s.numbers[PREDICTION] = s.a, 1.0, 2.0

@@ -2,7 +2,7 @@
 
 0: z, the start of the step; 1: z + h v; 2: the method's own, which extrapolates more. Where steps do not resolve stiff
 vibrations, extrapolation amplifies these, so that fibres are predicted to yield or elements to be inverted. The number
-PREDICTION of a motion is the one for its next step, the best in the last step.
+PREDICTION of a motion is the one for its next step: the longest, unless a shorter one was better in the last step.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .dynamics import norm
 from .stages import TILE, combine
 from .state import OLD_STEP, PREDICTION
 
-# prediction k is better than the one before if its error is below this fraction of that one's
+# a shorter prediction is better than a longer one if its error is below this fraction of that one's
 BETTER = 0.5
 
 
@@ -25,10 +25,10 @@ def best_prediction(p, w, s, h, change, longest):  # type: ignore[no-untyped-def
 
     ``longest`` (n,) is prediction 2 of these.
     """
-    best, found = np.inf, 0.0
-    for k in range(3):
+    best, found = np.inf, 2.0
+    for k in range(2, -1, -1):
         for i in range(len(change)):
-            predicted = 0.0 if k == 0 else h * s.v[i] if k == 1 else longest[i]
+            predicted = longest[i] if k == 2 else h * s.v[i] if k == 1 else 0.0
             w.R[i] = p.coordinate[i] * (change[i] - predicted)
         error = norm(p, w.R)
         if error < BETTER * best:
@@ -63,7 +63,7 @@ def predict_stages(m, p, s, h):  # type: ignore[no-untyped-def]
     After a restart, that is the series in h up to h^2. Without extrapolation, multipliers keep their values.
     """
     stages, n = m.X.shape
-    old, order = s.numbers[OLD_STEP], s.numbers[PREDICTION]
+    old, order = s.numbers[OLD_STEP], max(s.numbers[PREDICTION], 0.0)
     if old <= 0.0 or order < 2.0:
         for i in range(stages):
             ch = m.c[i] * h
