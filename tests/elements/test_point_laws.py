@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from ancf2d.case.syntax import Names, syntax
 from ancf2d.elements.point_laws import DIRECTION, GROUND, MAX_MEM, THETA, half_sine
-from ancf2d.interactions import RotationalSpring, TranslationalSpring
 from ancf2d.interactions.flow import FLOW, TURNING
 from ancf2d.interactions.forces import FOLLOWER, MOMENT, position_law
 from ancf2d.interactions.formulas import ALONG_BODY, LOCAL
 from ancf2d.interactions.spring_laws import count_turns, over_sine, spring_law
+from ancf2d.interactions.springs import RotationalSpring, TranslationalSpring
 from ancf2d.model.constraints import ALIGNED, AT_ANGLE, FIXED_LENGTH
 from ancf2d.model.point_patch import formula_record
 from ancf2d.model.switched import HELD, HELD_ALIGNED, HELD_ANGLE
