@@ -14,7 +14,7 @@ from ..case import TEMPLATES, Goal, LoadedCase, load_case_text, template
 from ..elements.formulations import FORMULATIONS
 from ..elements.registry import ELEMENTS
 from ..kernels.lowlevel.jit import CACHE, REFUSED
-from ..solvers.motion.schemes import INTEGRATORS
+from ..solvers.motion.integrators import INTEGRATORS
 from .gradient import gradient
 from .measures import GoalValues
 from .run import run_case, vocabulary

@@ -256,8 +256,8 @@ def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
     """Solve the first moment of a motion; problems of the case are left for the run itself to report."""
     from ..model.interactions import of_interactions
     from ..solvers.contact import memory, restore_memory
+    from ..solvers.motion.integrators import INTEGRATORS, default_method
     from ..solvers.motion.problem import empty_problem, motion_compilations
-    from ..solvers.motion.schemes import INTEGRATORS, default_method
     from ..solvers.registry import SOLVERS
 
     if new:

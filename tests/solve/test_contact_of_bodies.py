@@ -16,7 +16,7 @@ from ancf2d.errors import CaseError, ComputationError
 from ancf2d.interactions.body_contact import BodyPair
 from ancf2d.solvers.contact import check_pressed_through, contact_report, touches
 from ancf2d.solvers.fields import FieldReader
-from ancf2d.solvers.motion.schemes import method_problems
+from ancf2d.solvers.motion.integrators import method_problems
 
 SECTION = {"height": 0.02, "width": 0.05}
 STEEL = {"E": 2e11, "nu": 0.3, "rho": 7800.0}

@@ -11,8 +11,8 @@ from ancf2d.kernels.motion.advance import advance
 from ancf2d.kernels.motion.state import SIZE, TIME
 from ancf2d.kernels.motion.step_control import increment_tolerance
 from ancf2d.solvers.motion import stepping
+from ancf2d.solvers.motion.integrators import INTEGRATORS, SCIPY_METHODS, method_problems
 from ancf2d.solvers.motion.methods import MAKERS
-from ancf2d.solvers.motion.schemes import INTEGRATORS, SCHEMES, method_problems
 
 FREE = {"bodies": {"a": rod("vallejo")}, "bc": [{"type": "pin", "at": "a@0"}], "loads": GRAVITY}
 EXACT = {**FREE, "bodies": {"a": rod("vallejo"), "b": rod("reissner3", 2, (1, 0), (2, 0))}}
@@ -27,8 +27,8 @@ def refusals(scene, **solver):
 
 
 def test_every_integrator_is_made_by_the_tool_or_by_scipy():
-    assert set(MAKERS) | set(SCHEMES) == set(INTEGRATORS)
-    assert not set(MAKERS) & set(SCHEMES)
+    assert set(MAKERS) | set(SCIPY_METHODS) == set(INTEGRATORS)
+    assert not set(MAKERS) & set(SCIPY_METHODS)
 
 
 @pytest.mark.parametrize("method", INTEGRATORS)

@@ -27,9 +27,9 @@ from ..system import least_motion
 from ..threads import largest_share
 from .estimate import Estimate, step_ends
 from .initial import initial_motion
+from .integrators import SCIPY_METHODS
 from .ode import OdeStepper
 from .problem import make_problem
-from .schemes import SCHEMES
 from .stepping import LOG, Row, Stepper
 
 # number of stored states if the case does not say
@@ -143,7 +143,7 @@ class Run:
             spec = replace(spec, tolerance=spec.local_error)
         self.model, self.spec = model, spec
         self.problem, self.signals = make_problem(model)
-        kind = OdeStepper if spec.method in SCHEMES else Stepper
+        kind = OdeStepper if spec.method in SCIPY_METHODS else Stepper
         fixed = spec.dt is not None and kind is Stepper
         every = 0 if fixed else model.case.output.every or 0
         self.times = np.zeros(0) if every else stored_times(model, spec)

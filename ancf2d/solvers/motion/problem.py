@@ -47,8 +47,8 @@ from ...model.model import Model
 from ...model.timing import Signal
 from ..energy import is_constant
 from ..linear import full_mass, unknowns_to_coordinates
+from .integrators import INTEGRATORS, Integrator, default_method
 from .methods import MAKERS, Method
-from .schemes import INTEGRATORS, Integrator, default_method
 from .tables import (
     Signals,
     assembled_laws,

@@ -40,9 +40,9 @@ from .failures import check_signals, cut_off, failure, fastest
 from .feedback import Answers
 from .impacts import COLUMNS, Impacts
 from .initial import continues_from_file
+from .integrators import INTEGRATORS, default_method
 from .methods import MAKERS, Method, newton_tolerance
 from .problem import driving_signals, tracks_work, with_own_tables
-from .schemes import INTEGRATORS, default_method
 
 # approximate duration of a call of the kernels [s], for progress bars and interrupts
 CHUNK_SECONDS = 0.2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...kernels.motion.state import COUNT
 from ...model.timing import rates_of
-from .schemes import INTEGRATORS, default_method
+from .integrators import INTEGRATORS, default_method
 from .stepping import Stepper
 
 # multiple of the tolerance above which errors cause a warning
