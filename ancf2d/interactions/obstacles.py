@@ -71,7 +71,7 @@ class Circle:
         return self.center
 
     def shape(self, setback: float = 0.0) -> list[float]:
-        """Return the shape and its numbers for the contact law, with the surface moved ``back`` [m] from the bodies."""
+        """Return the shape and its numbers for the contact law, moved back by ``setback`` [m] from the bodies."""
         return [geometry.CIRCLE, *self.center, (-self.radius if self.inside else self.radius) - setback]
 
     def outline(self) -> tuple[Array, bool]:
@@ -104,7 +104,7 @@ class HalfPlane:
         return self.through
 
     def shape(self, setback: float = 0.0) -> list[float]:
-        """Return the shape and its numbers for the contact law, with the surface moved ``back`` [m] from the bodies."""
+        """Return the shape and its numbers for the contact law, moved back by ``setback`` [m] from the bodies."""
         size = math.hypot(*self.normal)
         nx, ny = self.normal[0] / size, self.normal[1] / size
         return [geometry.HALF_PLANE, self.through[0] - setback * nx, self.through[1] - setback * ny, nx, ny]

@@ -181,7 +181,7 @@ class Run:
             self.step_pace.mark(self.stepper.t, within=step_ends(self.stepper, since, found))
             for row in found:
                 if row.kind == CHECK:
-                    self.stepper.answers.update_model(row)
+                    self.stepper.feedback.update_model(row)
                     self.balance.evaluate(row)
             ends = self.stepper.done
             # the last state follows with the report
@@ -268,7 +268,7 @@ class Run:
         """Return the full state of a row, with energies and the time left, and with a checkpoint if ``keep``."""
         d, v, a = self.stepper.full(row)
         # first, so that springs have the state of this motion: coarser motions and resumed runs share the model
-        controllers = self.stepper.answers.update_model(row)
+        controllers = self.stepper.feedback.update_model(row)
         energies = self.balance.evaluate(row)
         if self.model.contacts:
             check_pressed_through(self.model, d, {"t": float(f"{row.t:.6g}")})

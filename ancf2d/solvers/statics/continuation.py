@@ -284,10 +284,10 @@ class Curve:
         _, gradient, by_t = control.evaluate(d, t)
         slope = by_t + float(gradient @ by_load)
 
-        def answer(b: Array) -> Array:
+        def response(b: Array) -> Array:
             z = solve(b)
             return np.asarray(z - float(gradient @ z) / slope * by_load)
-        return answer
+        return response
 
     def _stood(self, control: Control, d: Array, t: float, history: PlaceHistory) -> Found:
         """Same as ``_corrected``, with all contact places fixed."""
