@@ -23,7 +23,7 @@ from ...processors import threads
 from ..state import Row
 from ..system import least_motion, least_size, sticks
 from .stepping import Stepper
-from .tolerance_warning import missed_tolerance
+from .warnings import missed_tolerance
 
 LEVELS = 2
 # factor between levels: of fixed steps, or of the tolerance of adaptive steps
