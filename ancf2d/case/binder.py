@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 from ..errors import Problem
+from ..quantities import KINEMATIC
 from .declare import record
 from .nodes import Broken, ListNode, MapNode, Mark, Node, shorten
 from .syntax import Names
@@ -13,8 +14,6 @@ from .units import SI, unit_label
 
 Path = tuple[Any, ...]
 MAX_PROBLEMS = 100
-# quantities of a probe that describe its motion: those that expressions may use
-KINEMATIC = ("x", "y", "ux", "uy", "theta", "vx", "vy", "omega")
 # with more names than this, a message shows only the nearest one
 _MANY = 6
 

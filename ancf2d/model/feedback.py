@@ -15,6 +15,7 @@ from ..case.schema.controllers import equations
 from ..case.syntax import Chain, Choice, Comparison, Constant, Tree, named_in, syntax
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
+from ..quantities import RATES
 from .breakpoints import Break
 from .point_patch import Field, turn_fields
 from .points import PointRef, dot
@@ -248,7 +249,7 @@ def quantity_of(model: Any, name: str) -> Quantity:
     coords, weights = point.position()[what.endswith("y")]
     first = point.mesh.first_dof
     start = dot((coords - first, weights), point.mesh.e0) if what in ("x", "y") else 0.0
-    return Quantity(RATE if what in ("vx", "vy") else POSITION, Field(coords, weights, start))
+    return Quantity(RATE if what in RATES else POSITION, Field(coords, weights, start))
 
 
 def _rotation(point: PointRef, angle: bool) -> Quantity:
