@@ -70,7 +70,7 @@ def _method(model: Model) -> Integrator:
     return INTEGRATORS[getattr(model.case.solver, "method", None) or default_method(model)]
 
 
-def functions(model: Model, constant: bool) -> dict[Any, tuple[Any, ...]]:
+def called_functions(model: Model, constant: bool) -> dict[Any, tuple[Any, ...]]:
     """Return the functions that the kernels of a model's motion call by address (``kernels.calls``).
 
     ``constant``: whether no signal depends on time.
@@ -136,7 +136,7 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     patched = len(data["points"].mem) > 0 or len(data["sliding"].multiplier) > 0
     data |= _feedback(model, data, signals)
     found = signals.programs()
-    p = Record(Problem(programs=found, calls=table(functions(model, are_constant(found))), patched=patched,
+    p = Record(Problem(programs=found, calls=table(called_functions(model, are_constant(found))), patched=patched,
                        touches=bool(model.contacts), sided=model.sided, **data))
     if p.layout != empty_problem().layout:
         raise TypeError(f"a problem of another type: {p.layout}")
@@ -272,7 +272,7 @@ def motion_compilations(model: Model, spec: Dynamic) -> list[Compilation]:
     works = tracks_work(model)
     own = calls.compilations(Method(name, spec, p, 0.0, model.relaxing, works).functions) if name in MAKERS else []
     # if this guess is wrong, missing functions are compiled when the problem is made
-    called = functions(model, not (works or model.feedback.rank))
+    called = called_functions(model, not (works or model.feedback.rank))
     slides = calls.sliding_forces in called
     return [*element_compilations(model), *own, *_called_from_python(p.layout, name in MAKERS, slides, model.sided),
             *([partial(check_conditions.compile, _condition_types(p.layout))] if model.feedback.conditions else []),
