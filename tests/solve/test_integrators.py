@@ -78,6 +78,19 @@ def test_spectral_radii_that_a_method_cannot_have(solver, part):
     assert part in message
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("method", INTEGRATORS)
+def test_contact_without_a_law_is_refused_unless_it_is_declared_and_the_message_lists_the_others(method, friction):
+    scene = {"bodies": {"a": rod("vallejo")}, "obstacles": {"floor": {
+        "type": "half_plane", "through": [0, -1], "normal": [0, 1]}}, "contacts": [
+            {"between": ["a", "floor"], "friction": friction}]}
+    told = [expected for _, message, expected in refusals(scene, method=method) if "without a law" in message]
+    one = INTEGRATORS[method]
+    assert len(told) == (0 if one.friction or (one.contact and not friction) else 1)
+    suited = [m.name for m in INTEGRATORS.values() if (m.friction if one.contact else m.contact)]
+    assert all(name in expected for expected in told for name in suited)
+
+
 @pytest.mark.parametrize("room", [2, 3, 7])
 def test_a_step_may_pass_more_states_than_there_is_room_for(monkeypatch, room):
     """Long steps, states close together, and many unknowns: the same states, to the bit, whatever the room."""
