@@ -11,6 +11,8 @@ from typing import Any
 import pytest
 from click.testing import Result
 
+from ancf2d.results.export import FORMATS
+
 Call = Callable[..., Result]
 
 
@@ -28,6 +30,11 @@ def test_probes_are_columns_named_as_in_the_contract(solved: Call, folder: Path)
     summary = json.loads(solved("info", "beam.h5", "--json").stdout)["summary"]
     assert float(rows[-1]["tip.uy"]) == summary["probes"]["tip"]["uy"]
     assert [float(row["factor"]) for row in rows] == pytest.approx([0, 1 / 3, 2 / 3, 1])
+
+
+def test_the_help_describes_every_format(call: Call) -> None:
+    described = call("export", "--help").stdout.split("Examples:")[0]
+    assert [suffix for suffix in FORMATS if suffix not in described] == []
 
 
 def test_json_object_names_the_file(solved: Call, folder: Path) -> None:
