@@ -16,7 +16,7 @@ from scripts.house import code_lines, cycles, imports, inner_cycles, sources
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "ancf2d"
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text("utf-8")
-BASE = {"errors", "interrupts", "json_values", "pace", "processors", "__version__"}
+BASE = {"errors", "interrupts", "json_values", "pace", "processors", "quantities", "__version__"}
 # what a room may import from, besides itself and the base
 BELOW = {
     "case": set(), "elements": set(), "results": set(),

@@ -10,7 +10,6 @@ from .reference import (
     definition_schema,
     json_schema,
     markdown_reference,
-    schema_comment,
     template,
 )
 from .schema import *  # noqa: F403
@@ -20,5 +19,5 @@ __all__ = [
     "SCHEMA_FILE", "TEMPLATES", "CaseText", "DefinitionNode", "ElementDefinition", "LoadedCase", "Source",
     "Vocabulary", "definition_schema", "json_schema", "load_case", "load_case_text",
     "load_definition", "markdown_reference", "read_definition",
-    "refined", "schema_comment", "template", "with_overrides", *_schema,
+    "refined", "template", "with_overrides", *_schema,
 ]

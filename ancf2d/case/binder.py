@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 from ..errors import Problem
+from ..quantities import KINEMATIC
 from .declare import record
 from .nodes import Broken, ListNode, MapNode, Mark, Node, shorten
 from .syntax import Names
@@ -13,8 +14,6 @@ from .units import SI, unit_label
 
 Path = tuple[Any, ...]
 MAX_PROBLEMS = 100
-# quantities of a probe that describe its motion: those that expressions may use
-KINEMATIC = ("x", "y", "ux", "uy", "theta", "vx", "vy", "omega")
 # with more names than this, a message shows only the nearest one
 _MANY = 6
 
@@ -154,7 +153,7 @@ class Binder:
         near = self.nearest(word, names)
         return "" if near else listed(names), near
 
-    def wrong(self, node: Node, path: Path, wanted: str, near: str = "") -> Any:
+    def wrong(self, node: Node, path: Path, wanted: str) -> Any:
         """Report that a value is not as wanted; return INVALID."""
         if isinstance(node, Broken):
             return self.skip(path)
@@ -163,7 +162,7 @@ class Binder:
         what = "has no value" if node.shape == "null" else None
         message = (f"{dotted(path)} {what}" if what
                    else f"{dotted(path)} must be {wanted}, got {node.shown()}")
-        return self.fail(node.mark, path, message, wanted if what else "", near)
+        return self.fail(node.mark, path, message, wanted if what else "")
 
     def unknown(self, mark: Mark, path: Path, shown: str, names: Iterable[str],
                 near: str) -> Any:

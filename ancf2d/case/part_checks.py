@@ -127,7 +127,7 @@ def check_feedback(checker: Any) -> None:
         if not _depends_on_motion(value):
             continue
         moves = path[0] == "boundary_conditions"
-        plain = path[0] != "loads" or path[2] != "amplitude" or not checker.case.loads[path[1]].answers
+        plain = path[0] != "loads" or path[2] != "amplitude" or not checker.case.loads[path[1]].feedback
         used, path = ", ".join(value.quantities), (*path, "value")
         if moves:
             checker.fail(path, f"{dotted(path)} uses {used}: a prescribed motion cannot depend on the motion itself",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from ..errors import CaseError, Problem
@@ -184,15 +185,6 @@ def definition_schema(vocabulary: Vocabulary | None = None) -> dict[str, Any]:
     return _root(ElementDefinition, "ancf2d element definition", vocabulary)
 
 
-def schema_comment(schema: str = SCHEMA_FILE) -> str:
-    """Return the first line of a case, which tells editors where its schema is.
-
-    ``schema`` is a path relative to the case, or a URL. A file in the folder of the case works offline, in every editor
-    and on every machine that the two are copied to.
-    """
-    return f"# yaml-language-server: $schema={schema}"
-
-
 def _root(cls: type, title: str, vocabulary: Vocabulary | None) -> dict[str, Any]:
     book = Book(vocabulary or Vocabulary())
     define(cls, book)
@@ -201,21 +193,20 @@ def _root(cls: type, title: str, vocabulary: Vocabulary | None) -> dict[str, Any
             "definitions": book.definitions}
 
 
-TEMPLATES = ("cantilever", "simply_supported", "frame", "pendulum", "leaf_spring", "flexure", "soft_arm", "bimetal",
-             "controlled_arm", "latch", "cam", "snap_fit", "belt", "plastic_frame")
+_FOLDER = Path(__file__).with_name("templates")
+# every file in the folder is a template
+TEMPLATES = tuple(sorted(file.stem for file in _FOLDER.glob("*.yaml")))
 
 
-def template(name: str, kind: str = "cantilever", schema: str = SCHEMA_FILE) -> str:
-    """Return the text of a commented case of a kind; ``schema`` is where editors find the schema.
+def template(name: str, kind: str = "cantilever") -> str:
+    """Return the text of a commented case of a kind, which tells editors that its schema is in the same folder.
 
     Raises CaseError if there is no such kind.
     """
     if kind not in TEMPLATES:
         raise CaseError(Problem(f"there is no template '{kind}'", expected=listed(TEMPLATES),
                                 near=nearest(kind, TEMPLATES)))
-    from importlib import resources
-
-    body = resources.files(__package__).joinpath("templates", f"{kind}.yaml").read_text("utf-8")
+    body = (_FOLDER / f"{kind}.yaml").read_text("utf-8")
     title, rest = body.split("\n", 1)
     title = title.removeprefix("title: ").replace("{name}", name)
-    return f"{schema_comment(schema)}\nformat: 1\ntitle: {text_scalar(title)}\n{rest}"
+    return f"# yaml-language-server: $schema={SCHEMA_FILE}\nformat: 1\ntitle: {text_scalar(title)}\n{rest}"

@@ -6,6 +6,8 @@ import math
 from functools import lru_cache
 from typing import Any
 
+from ..quantities import UNIT_OF
+
 # SI unit -> exponents of force, length and time
 _EXPONENTS = {
     "m": (0, 1, 0), "m^2": (0, 2, 0), "m^4": (0, 4, 0), "1/m": (0, -1, 0),
@@ -17,9 +19,7 @@ _EXPONENTS = {
 }
 SI = ("m", "N", "s")
 # SI units of the quantities of probes, reactions and goals
-QUANTITY_UNITS = {"x": "m", "y": "m", "ux": "m", "uy": "m", "vx": "m/s", "vy": "m/s", "theta": "rad",
-                  "omega": "rad/s", "N": "N", "Q": "N", "M": "N m", "fx": "N", "fy": "N", "m": "N m",
-                  "strain_energy": "N m"}
+QUANTITY_UNITS = {**UNIT_OF, "strain_energy": "N m"}
 _FREQUENCIES = ("bending", "axial", "shear", "thickness", "mixed")
 
 

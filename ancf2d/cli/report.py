@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ..case import Units
 from ..case.units import unit_label, with_unit
 from ..errors import many
+from ..quantities import DISPLACEMENTS, FORCES, KIND_OF
 from .failures import FAILED, expected_met
 from .session import Session
 from .text import TIME, command_line, duration, number, rounded, say, table
@@ -20,10 +21,6 @@ if TYPE_CHECKING:
 
 # unit labels of length, force and time
 Labels = tuple[str, str, str]
-# quantities of one kind share a round-off floor
-_KINDS = {"x": "position", "y": "position", "ux": "displacement", "uy": "displacement", "vx": "velocity",
-          "vy": "velocity", "theta": "rotation", "omega": "angular velocity", "N": "force", "Q": "force",
-          "fx": "force", "fy": "force", "M": "moment", "m": "moment"}
 # greatest number of listed events
 MOST_EVENTS = 20
 # round-off of displacements and forces, relative to the largest
@@ -103,7 +100,7 @@ def _response(found: dict[str, Any], labels: Labels) -> list[str]:
     rows = [["response to", "probe", "largest amplitude", "", "at f [Hz]", "phase [degrees]"]]
     for name in (n for n in found if n != "hz"):
         for probe, quantities in found[name].items():
-            for q in (q for q in ("ux", "uy", "theta", "N", "Q", "M") if q in quantities):
+            for q in (q for q in (*DISPLACEMENTS, *FORCES) if q in quantities):
                 values = [complex(*v) for v in zip(quantities[q]["re"], quantities[q]["im"], strict=True)]
                 k = max(range(len(values)), key=lambda i: abs(values[i]))
                 if values[k]:
@@ -121,7 +118,7 @@ def _linear_model(found: dict[str, Any], labels: Labels) -> list[str]:
 
 
 def _limit_points(found: list[dict[str, Any]], labels: Labels) -> list[str]:
-    named = [(p, q) for p in found[0]["probes"] for q in ("ux", "uy", "theta")]
+    named = [(p, q) for p in found[0]["probes"] for q in DISPLACEMENTS]
     rows = [["limit point", "load factor", *(with_unit(f"{p} {q}", labels) for p, q in named)]]
     rows += [[str(k), number(f["factor"], 8), *(number(f["probes"][p][q]) for p, q in named)]
              for k, f in enumerate(found, start=1)]
@@ -174,11 +171,11 @@ def round_off_floors(summary: dict[str, Any], extent: float, unbalanced: float) 
     and displacements at the distance ``extent``, and vice versa, because a column of round-off alone has no scale of
     its own. The floor of forces is at least the ``unbalanced`` force of the solution.
     """
-    largest: dict[str, float] = dict.fromkeys(_KINDS.values(), 0.0)
+    largest: dict[str, float] = dict.fromkeys(KIND_OF.values(), 0.0)
     pressing = [{"fx": one["normal"]} for one in summary.get("contacts", ())]
     for row in (*(row for key in ("probes", "reactions") for row in summary.get(key, {}).values()), *pressing):
         for q, value in row.items():
-            largest[_KINDS.get(q, q)] = max(largest.get(_KINDS.get(q, q), 0.0), abs(value))
+            largest[KIND_OF.get(q, q)] = max(largest.get(KIND_OF.get(q, q), 0.0), abs(value))
     scales = dict(largest)
     scales["position"] = max(largest["position"], extent)
     for small, large in (("force", "moment"), ("rotation", "displacement")):
@@ -195,7 +192,7 @@ def _quantities(title: str, values: dict[str, dict[str, float]], labels: tuple[s
                 floors: dict[str, float]) -> list[str]:
     names = list(dict.fromkeys(q for row in values.values() for q in row))
     header = [title, *(with_unit(q, labels) for q in names)]
-    rows = [[name, *(rounded(row[q], floors[_KINDS.get(q, q)]) if q in row else "" for q in names)]
+    rows = [[name, *(rounded(row[q], floors[KIND_OF.get(q, q)]) if q in row else "" for q in names)]
             for name, row in values.items()]
     return table([header, *rows])
 

@@ -63,9 +63,9 @@ def number(value: float | None, digits: int = 6) -> str:
     return f"{value:.{digits}g}" if abs(value) > NOTHING else "0"
 
 
-def rounded(value: float, floor: float, digits: int = 6) -> str:
+def rounded(value: float, floor: float) -> str:
     """Return a number whose uncertainty is ``floor``; smaller values are shown as 0."""
-    return "0" if abs(value) <= floor else number(value, digits)
+    return "0" if abs(value) <= floor else number(value)
 
 
 # width of times, so that their column is equally wide in every run

@@ -24,7 +24,7 @@ from ..errors import PartError
 from ..model.mesh import BodyMesh, Index
 from ..model.point_patch import Items
 from ..model.profiles import breaks, load_breaks, values
-from ..model.timing import Answer, Clocked, Signal
+from ..model.timing import Clocked, FeedbackSignal, Signal
 from .forces import (
     AMPLITUDE,
     AMPLITUDE_DOC,
@@ -79,7 +79,7 @@ class Gravity:
     """Gravity on everything that has mass."""
 
     tag = "gravity"
-    answers = False
+    feedback = False
     value: tuple[float, float] = key(Vector(Number("m/s^2"), "gx, gy"), "Acceleration",
                                      example=[0, -9.81])
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
@@ -278,7 +278,7 @@ class Distributed:
         """Add the load by quadrature along the elements that it covers."""
         mesh = context.meshes[self.on]
         if is_formula(self.value):
-            if isinstance(context.amplitude, Answer):
+            if isinstance(context.amplitude, FeedbackSignal):
                 raise PartError(("amplitude",), "the amplitude of a load by formula is a function of time alone",
                                 "a formula in value without probes and controllers")
             cover = covered(mesh, self.from_, self.to, VARYING)
@@ -326,7 +326,7 @@ class Eigenstrain:
     """Strains that a body would take if it were free, caused by actuators, growth or an initial curvature."""
 
     tag = "eigenstrain"
-    answers = False
+    feedback = False
     on: str = key(Name("the name of a body"), "Body it acts on", refers="bodies", example="strip")
     axial: float | Profile = key(ProfileOf(), "Strain of the axis", default=0.0, example=1e-3)
     curvature: float | Profile = key(ProfileOf("1/m"), "Curvature: change of the angle per reference length, "
@@ -357,7 +357,7 @@ class Temperature:
     """A change of temperature, which strains the body by the material's alpha, the same in all directions."""
 
     tag = "temperature"
-    answers = False
+    feedback = False
     on: str = key(Name("the name of a body"), "Body it acts on", refers="bodies", example="strip")
     value: float | Profile = key(ProfileOf("K"), "Change of temperature on the axis", default=0.0, example=60)
     gradient: float | Profile = key(ProfileOf("K/m"), "Gradient across the section, along its y axis",

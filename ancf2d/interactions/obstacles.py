@@ -71,13 +71,8 @@ class Circle:
         return self.center
 
     def shape(self, setback: float = 0.0) -> list[float]:
-        """Return the shape and its numbers for the contact law, with the surface moved ``back`` [m] from the bodies."""
+        """Return the shape and its numbers for the contact law, moved back by ``setback`` [m] from the bodies."""
         return [geometry.CIRCLE, *self.center, (-self.radius if self.inside else self.radius) - setback]
-
-    def outline(self) -> tuple[Array, bool]:
-        """Return points (n, 2) of the surface, and whether they form a closed line."""
-        phi = np.linspace(0.0, 2.0 * np.pi, 181)[:-1]
-        return np.asarray(self.center) + self.radius * np.stack([np.cos(phi), np.sin(phi)], axis=1), True
 
 
 @record
@@ -104,15 +99,10 @@ class HalfPlane:
         return self.through
 
     def shape(self, setback: float = 0.0) -> list[float]:
-        """Return the shape and its numbers for the contact law, with the surface moved ``back`` [m] from the bodies."""
+        """Return the shape and its numbers for the contact law, moved back by ``setback`` [m] from the bodies."""
         size = math.hypot(*self.normal)
         nx, ny = self.normal[0] / size, self.normal[1] / size
         return [geometry.HALF_PLANE, self.through[0] - setback * nx, self.through[1] - setback * ny, nx, ny]
-
-    def outline(self) -> tuple[Array, bool]:
-        """Return two points of the surface (2, 2), one length unit to either side, and False (not closed)."""
-        _, x, y, nx, ny = self.shape()
-        return np.array([[x + ny, y - nx], [x - ny, y + nx]]), False
 
 
 @record
@@ -162,10 +152,6 @@ class PolylineObstacle:
         lengths = np.concatenate([[0.0], np.cumsum(steps)])
         table = np.column_stack([points, lengths[:-1]])
         return [geometry.POLYLINE, len(points), lengths[-1] if self.closed else -1.0, *table.ravel()]
-
-    def outline(self) -> tuple[Array, bool]:
-        """Return the corners (n, 2), and whether they form a closed line."""
-        return self.corners(), self.closed
 
 
 def _area(points: tuple[tuple[float, float], ...]) -> float:

@@ -186,16 +186,16 @@ def by_force(cls: R) -> R:
 
     def with_formula(self: Any, ends: list[End]) -> Spring:
         if self.force is None:
-            return _met(place(self, ends), slice(-2, None))
+            return _acting_at_start(place(self, ends), slice(-2, None))
         formula, angle = spring_formula(self.force), cls.law.accept is not None  # type: ignore[attr-defined]
         constants = [float(formula.address), *_acting(self.only, self.gap), 0.0 if self.damped else 1.0]
         placed = (about if angle else along)(FORMULA_LAWS[angle], ends, constants, self.damped, self.rest())
-        return _met(placed, slice(-3, -1))
+        return _acting_at_start(placed, slice(-3, -1))
     cls.place = with_formula  # type: ignore[attr-defined]
     return cls
 
 
-def _met(spring: Spring, bounds: slice) -> Spring:
+def _acting_at_start(spring: Spring, bounds: slice) -> Spring:
     """Return a spring that acts in the reference if its bounds (constants) are met there but for round-off."""
     start, size = spring.slack - spring.rest, max(abs(spring.slack), abs(spring.rest))
     gaps = spring.par[bounds]

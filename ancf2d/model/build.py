@@ -340,12 +340,12 @@ class _Builder:
 
 def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = None,
                 for_differences: bool = False) -> Model:
-    """Return the model of a case; raises CaseError with all problems.
+    """Return the model of a case; raises CaseError with all problems. Nothing is compiled here.
 
-    ``moving`` gives a static case the meshes of a motion. ``like`` is a model of the same case with other values; what
-    these do not change is shared, and the model is the same as without, bit for bit. ``for_differences``
-    between the two models, with slightly different values: more is shared, digits may differ, and warnings and checks
-    of ``like`` are not repeated. numpy only: nothing is compiled here.
+    ``moving`` gives a static case the meshes of a motion. ``like`` is a model of the same case with other values: what
+    these do not change is shared, and the model is the same, to the last bit, as without ``like``. With
+    ``for_differences``, the values are almost those of ``like``, and the model only serves for differences between the
+    two: more is shared, last digits may differ, and the checks and warnings of ``like`` are not repeated.
     """
     b = _Builder(loaded, moving, like, exactly=not for_differences)
     known = like if for_differences else None

@@ -15,11 +15,12 @@ from ..case.schema.controllers import equations
 from ..case.syntax import Chain, Choice, Comparison, Constant, Tree, named_in, syntax
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
+from ..quantities import RATES
 from .breakpoints import Break
 from .point_patch import Field, turn_fields
 from .points import PointRef, dot
 from .rotation import Rotation
-from .timing import Answer, Signal
+from .timing import FeedbackSignal, Signal
 
 # how a quantity depends on the coordinates (same numbers as in kernels.motion.feedback)
 POSITION, RATE, ANGLE, SPIN = range(4)
@@ -51,12 +52,12 @@ class Feedback:
     controller, to the tree of its output. ``states`` are the names of controller states, CONTROLLER:STATE.
     """
 
-    def __init__(self, model: Any, answers: list[Answer]) -> None:
-        self.model, self.answers = model, answers
+    def __init__(self, model: Any, signals: list[FeedbackSignal]) -> None:
+        self.model, self.signals = model, signals
         self.controllers = {name: equations(name, c) for name, c in model.case.controllers.items()}
         self.states = [state for c in self.controllers.values() for state in c.initial]
         self.rates: list[Tree] = [tree for c in self.controllers.values() for tree in c.rates.values()]
-        used = [name for a in answers if a.amplitude is not None for name in a.amplitude.quantities]
+        used = [name for a in signals if a.amplitude is not None for name in a.amplitude.quantities]
         self.conditions = list(_conditions(model))
         used += [name for tree in (*self._trees(), *self.condition_trees) for name in named_in(tree)]
         probed = dict.fromkeys(name for name in used if "." in name)
@@ -76,7 +77,7 @@ class Feedback:
     @property
     def rank(self) -> int:
         """Number of signals and states that depend on the motion."""
-        return len(self.answers) + len(self.states)
+        return len(self.signals) + len(self.states)
 
     @cached_property
     def condition_trees(self) -> list[Tree]:
@@ -127,7 +128,7 @@ class Feedback:
     def programs(self) -> jets.Programs:
         """Return the programs of all signals that depend on the motion, then of state rates, conditions and margins."""
         trees = (*self.rates, *self.condition_trees, *map(margin, self.condition_trees))
-        functions = [*((a.amplitude, a.factor) for a in self.answers), *((tree, 1.0) for tree in trees)]
+        functions = [*((a.amplitude, a.factor) for a in self.signals), *((tree, 1.0) for tree in trees)]
         return state_programs(functions, self.meaning, len(self.names))  # type: ignore[arg-type]
 
     def values(self, d: Array, v: Array, turned: Array, states: Array) -> Array:
@@ -185,14 +186,14 @@ class Feedback:
 
     def evaluate_signals(self, t: float, values: Array) -> None:
         """Evaluate the signals at a state. Raises ComputationError for one without a value."""
-        for answer in self.answers:
-            assert answer.amplitude is not None
-            if isinstance(answer.amplitude, Gated) and not answer.amplitude.latch.at(t):
-                answer.level[0] = 0.0
+        for signal in self.signals:
+            assert signal.amplitude is not None
+            if isinstance(signal.amplitude, Gated) and not signal.amplitude.latch.at(t):
+                signal.level[0] = 0.0
                 continue
-            program = self._program([(answer.amplitude, answer.factor)])
+            program = self._program([(signal.amplitude, signal.factor)])
             found = value_at(program, 0, t, values.tolist())[0]
-            answer.level[0] = self._finite(found, answer.amplitude.described(), t, values)
+            signal.level[0] = self._finite(found, signal.amplitude.described(), t, values)
 
     def check(self, t: float, values: Array) -> None:
         """Raise ComputationError if a signal, rate, output or condition has no value."""
@@ -248,7 +249,7 @@ def quantity_of(model: Any, name: str) -> Quantity:
     coords, weights = point.position()[what.endswith("y")]
     first = point.mesh.first_dof
     start = dot((coords - first, weights), point.mesh.e0) if what in ("x", "y") else 0.0
-    return Quantity(RATE if what in ("vx", "vy") else POSITION, Field(coords, weights, start))
+    return Quantity(RATE if what in RATES else POSITION, Field(coords, weights, start))
 
 
 def _rotation(point: PointRef, angle: bool) -> Quantity:

@@ -173,10 +173,9 @@ def _memory(law: Law, point: StrainLaw, parts: int, elements: int) -> Memory:
     return no_memory()._replace(row=np.arange(elements), states=states)
 
 
-def with_states(groups: list[Record], states: Array | None = None) -> tuple[list[Record], Array]:
-    """Return groups that use ``states`` (all in one array), by default a copy of their own, and this array."""
-    if states is None:
-        states = np.concatenate([np.zeros(0), *(g.values.memory.states.ravel() for g in groups)])
+def with_states(groups: list[Record]) -> tuple[list[Record], Array]:
+    """Return groups that use copies of their states, all in one array, and this array."""
+    states = np.concatenate([np.zeros(0), *(g.values.memory.states.ravel() for g in groups)])
     out, at = [], 0
     for group in groups:
         memory = group.values.memory

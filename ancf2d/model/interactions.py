@@ -380,7 +380,7 @@ class Interactions:
                    else batch.matrices(d, t, v=v)[1] - still), batch.dofs
 
 
-def of_interactions(model: Any, steps: bool, problem: Any) -> list[Callable[[], object]]:
+def interaction_compilations(model: Any, steps: bool, problem: Any) -> list[Callable[[], object]]:
     """Return functions that compile the laws of springs, loads, constraints and contacts, and the contact search.
 
     Forces come first, and functions that share parts with them last: parallel processes would compile these parts

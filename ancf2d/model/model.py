@@ -295,7 +295,7 @@ class Model:
         """The signals that depend on the motion, possibly none. Raises CaseError for a probe that cannot be used."""
         from .feedback import Feedback
 
-        return Feedback(self, list(getattr(self.timing, "answers", {}).values()))
+        return Feedback(self, list(getattr(self.timing, "feedback", {}).values()))
 
     @property
     def hardens(self) -> bool:

@@ -19,8 +19,8 @@ class Signal:
     Kernels evaluate signals as programs, which also return the two derivatives.
     """
 
-    # fed: the value depends on the motion; clocked: ``derivatives`` returns the time instead of the rate
-    fed = clocked = False
+    # feedback: the value depends on the motion; clocked: ``derivatives`` returns the time instead of the rate
+    feedback = clocked = False
 
     amplitude: Function | None = None
     factor: float = 1.0
@@ -43,10 +43,10 @@ class Signal:
 
 
 @dataclass(frozen=True)
-class Answer(Signal):
+class FeedbackSignal(Signal):
     """A signal that depends on quantities of the motion; its value is that of the last evaluated state."""
 
-    fed = True
+    feedback = True
 
     level: list[float] = field(default_factory=lambda: [math.nan], compare=False)
 
@@ -121,11 +121,11 @@ class Timing:
 class TimeTiming(Timing):
     """Timing over time: without an amplitude, loads are constant. Everything is a Signal, which kernels can evaluate.
 
-    ``answers`` are the signals that depend on the motion, each once; ``latches`` switch what waits for conditions.
+    ``feedback`` are the signals that depend on the motion, each once; ``latches`` switch what waits for conditions.
     """
 
     def __init__(self) -> None:
-        self.answers: dict[Amplitude, Answer] = {}
+        self.feedback: dict[Amplitude, FeedbackSignal] = {}
         self.latches: dict[Active, Latch] = {}
 
     def window(self, active: Active | None) -> Active | Latch | None:
@@ -137,7 +137,7 @@ class TimeTiming(Timing):
     def function_of(self, amplitude: Amplitude | None) -> Signal:
         """Return the factor of a load."""
         if amplitude is not None and amplitude.quantities:
-            return self.answers.setdefault(amplitude, Answer(amplitude))
+            return self.feedback.setdefault(amplitude, FeedbackSignal(amplitude))
         return Signal(amplitude)
 
     def motion(self, value: float | Amplitude, start: float) -> Signal:

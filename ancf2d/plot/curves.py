@@ -11,13 +11,12 @@ import numpy as np
 from ancf2d.errors import ResultsError
 from ancf2d.plot.body import how_to_store, no_states
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
+from ancf2d.quantities import KIND_OF
 from ancf2d.results import FieldRecord, Results
 from ancf2d.results.geometry import station_weights
 
 FAMILIES = {
-    "ux": "displacement", "uy": "displacement", "x": "position", "y": "position",
-    "theta": "rotation", "vx": "velocity", "vy": "velocity", "omega": "angular velocity",
-    "ax": "acceleration", "ay": "acceleration",
+    **{name: kind for name, kind in KIND_OF.items() if kind not in ("force", "moment")},
     "N": "axial force", "Q": "shear force", "M": "bending moment",
     "output": "controller output",
 }

@@ -10,6 +10,7 @@ from ancf2d.errors import ResultsError
 from ancf2d.plot import curves
 from ancf2d.plot.curves import chosen_names, largest_magnitude, names_of, quantities_of
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
+from ancf2d.quantities import DISPLACEMENTS, KIND_OF, RATE_OF
 from ancf2d.results import Results
 
 # energies stored, lost and supplied: stored + lost - supplied is constant
@@ -144,9 +145,12 @@ ENERGY = Kind("energy", "energies over time, and the error of their balance (dyn
 STEPS = Kind("steps", "step sizes, iterations and local errors over time, or load steps", _no_steps, steps)
 
 
-RATES = {"ux": "vx", "uy": "vy", "theta": "omega"}
-WORDS = {"ux": "displacement ux", "uy": "displacement uy", "theta": "rotation", "vx": "velocity vx",
-         "vy": "velocity vy", "omega": "angular velocity"}
+RATES = {name: RATE_OF[name] for name in DISPLACEMENTS}
+
+
+def _words(name: str) -> str:
+    """Return a quantity in words, with its name if there are two of its kind."""
+    return f"{KIND_OF[name]} {name}" if name[-1] in "xy" else KIND_OF[name]
 
 
 def phase(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None,
@@ -167,7 +171,7 @@ def phase(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None
                 small = rate in columns and largest_magnitude(columns[q]) <= curves.NEGLIGIBLE * top
                 if rate not in columns or (small and not asked and q != "theta"):
                     continue
-                axes = ((WORDS[q], columns.units.get(q, "")), (WORDS[rate], columns.units.get(rate, "")))
+                axes = ((_words(q), columns.units.get(q, "")), (_words(rate), columns.units.get(rate, "")))
                 panel = panels.setdefault(q, Panel(*axes))
                 panel.curves += _line(source.name(name), columns[q], columns[rate])
     return Curves(common_title(sources), "", list(panels.values()), share="")

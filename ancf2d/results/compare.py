@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 
 from ancf2d.errors import ResultsError
+from ancf2d.quantities import KIND_OF
 from ancf2d.results.reader import Results, open_results
 
 # quantities that share a scale: a displacement of 1e-17 next to one of 1e-3 is round-off
 _FAMILIES = {
-    "ux": "displacement", "uy": "displacement", "x": "position", "y": "position",
-    "vx": "velocity", "vy": "velocity", "ax": "acceleration", "ay": "acceleration",
-    "N": "force", "Q": "force", "fx": "force", "fy": "force", "M": "moment", "m": "moment",
+    **{name: kind for name, kind in KIND_OF.items() if name not in ("theta", "omega")},
     "strain": "energy", "kinetic": "energy", "potential": "energy", "dissipated": "energy", "work": "energy",
 }
 # "checks" and the table "computed" of a sweep repeat values that are compared elsewhere: round-off, and times

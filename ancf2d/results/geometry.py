@@ -77,11 +77,10 @@ def body_levels(body: BodyRecord, e: np.ndarray, elements: slice | np.ndarray | 
 
 
 @_beyond_numbers
-def body_rates(body: BodyRecord, e: np.ndarray, v: np.ndarray,
-               elements: slice | np.ndarray | None = None) -> np.ndarray:
+def body_rates(body: BodyRecord, e: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return the rates of the points of ``body_levels`` for rates v (nq,) of the nodal coordinates."""
     # complex step: without a difference of real parts, the derivative is exact to round-off for any section
-    return np.asarray(body_levels(body, e + 1j * STEP * v, elements).imag / STEP)
+    return np.asarray(body_levels(body, e + 1j * STEP * v).imag / STEP)
 
 
 def axis_shapes(body: BodyRecord, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

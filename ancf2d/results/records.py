@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ancf2d.errors import ResultsError
+from ancf2d.quantities import QUANTITIES, UNIT_OF
 
 FORMAT = "ancf2d-results"
 FORMAT_VERSION = 1
@@ -141,19 +142,10 @@ class FieldRecord:
         return self.xi if self.xi.ndim == 1 else np.asarray(self.xi[ie])
 
 
-_LENGTHS = {"x": "position", "y": "position", "ux": "displacement", "uy": "displacement"}
-_PROBE: dict[str, Column] = {c.name: c for c in (
-    *(Column(n, "{L}", f"{w} in {n[-1]}") for n, w in _LENGTHS.items()),
-    Column("theta", "rad", "rotation of the section from the reference, counted through full turns"),
-    Column("s", "1", "place of a moving point on its body, as a share of the arc length"),
-    Column("vx", "{L}/{T}", "velocity in x"), Column("vy", "{L}/{T}", "velocity in y"),
-    Column("omega", "rad/{T}", "angular velocity of the section"),
-    Column("ax", "{L}/{T}^2", "acceleration in x"), Column("ay", "{L}/{T}^2", "acceleration in y"),
-    Column("N", "{F}", "axial force, tension positive"), Column("Q", "{F}", "shear force"),
-    Column("M", "{F}*{L}", "bending moment"),
-    Column("fx", "{F}", "force in x"), Column("fy", "{F}", "force in y"),
-    Column("m", "{F}*{L}", "moment"),
-)}
+# units of quantities, with the labels of a file
+_LABELS = {"m": "{L}", "rad": "rad", "m/s": "{L}/{T}", "rad/s": "rad/{T}", "N": "{F}", "N m": "{F}*{L}"}
+_PROBE: dict[str, Column] = {name: Column(name, _LABELS[UNIT_OF[name]], q.words) for name, q in QUANTITIES.items()} | {
+    "s": Column("s", "1", "place of a moving point on its body, as a share of the arc length")}
 _HISTORY: dict[str, Column] = {c.name: c for c in (
     Column("t", "{T}", "time"), Column("dt", "{T}", "step size"),
     Column("step", "1", "number of the step", True),

@@ -67,7 +67,7 @@ class Response:
         with sticking(system.model.contact_tables if stuck else (), d, t):
             balance = system.assemble(d, t)
             pivots = system.factor({"factor": float(f"{t:.6g}")})
-        self.solve = system.answers(d, t)
+        self.solve = system.response(d, t)
         self.unstable = system.knows_inertia and pivots.negative > self.num.n_multipliers
         self.newton_step: Array = -self.solve(balance.R.copy())
         self.closed = np.array([s.closed for s in candidates])

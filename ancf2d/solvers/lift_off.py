@@ -226,7 +226,7 @@ def move_to_tangency(system: System, hard: list[ContactTable], d: Array, t: floa
     num = system.model.numbering
     system.assemble(d, t)
     system.factor({"factor": float(f"{t:.6g}")})
-    solve, responses = system.answers(d, t), np.zeros((len(places), len(d)))
+    solve, responses = system.response(d, t), np.zeros((len(places), len(d)))
     for response, p in zip(responses, places, strict=True):
         push = p.force * p.gap_slope_gradient
         push[p.point.multiplier] = -(p.gap_slope + p.c1 * p.force)

@@ -13,12 +13,11 @@ from ..model.mesh import Index
 from ..model.model import Model
 from ..model.points import PointRef, dot
 from ..model.rotation import Rotation
+from ..quantities import FORCES
 from .element_loads import constraint_forces, equilibrium_rows
 from .energy import Energies
 from .section_forces import SectionForces, has_section_forces
 from .state import State
-
-FORCES = ("N", "Q", "M")
 
 
 def asks_for_forces(case: Case) -> bool:

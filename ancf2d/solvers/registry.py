@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..case import (
-    SWITCHED,
+from ..case import SWITCHED, Case
+from ..case.binder import dotted
+from ..case.part_checks import materials_of
+from ..case.schema.solvers import (
     Buckling,
-    Case,
     Dynamic,
     Eigen,
     FrequencyResponse,
@@ -20,8 +21,6 @@ from ..case import (
     StateSpace,
     Static,
 )
-from ..case.binder import dotted
-from ..case.part_checks import materials_of
 from ..elements.shape import Array
 from ..interactions.moving import off_body_warnings
 from ..model.model import Model

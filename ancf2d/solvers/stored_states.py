@@ -35,7 +35,7 @@ class MotionAtTimes(Stepper):
         self.consistent(t, np.zeros(len(self.s.z)))
         row = self.last()
         d, v, a = self.full(row)
-        self.answers.update_model(row)
+        self.feedback.update_model(row)
         F = self.model.external(row.side)
         return State(t, d, self.forces(row) + F, F, 0.0, turned, v=v, a=a, side=row.side)
 

@@ -290,7 +290,7 @@ class System:
             raise self.singular(pivots.bad, at)
         return pivots
 
-    def answers(self, d: Array, t: float) -> Callable[[Array], Array]:
+    def response(self, d: Array, t: float) -> Callable[[Array], Array]:
         """Return the function that gives the response to forces (n_unknowns,), with the factored tangent at d and t.
 
         The load is fixed; on a path it follows the control.

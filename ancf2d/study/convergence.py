@@ -12,9 +12,11 @@ from ..case import Dynamic, LoadedCase, load_case_text
 from ..case.overrides import OPTION
 from ..case.units import SI
 from ..errors import UNSOLVED, CaseError, Problem, verdict
+from ..quantities import QUANTITIES
 from ..results import Column, write_tables
+from ..results.records import known_column
 from .forecast import Done, Forecast, steps_of
-from .goal import GoalValue, error_scale, goal_kind, goal_of, sequence, solve_for_goal
+from .goal import GoalValue, error_scale, goal_of, sequence, solve_for_goal
 from .order import Estimate, estimate, observed_order, order_from_errors, round_off_level
 from .pool import ALONE, DIED, Workers, run_jobs
 from .record import Progress
@@ -337,17 +339,16 @@ def limit_of(answers: Sequence[GoalValue], found: Estimate, reference: float | N
     return last.beyond(answers[-2], abs(found.value - last.value) / gap) if gap > 0.0 else last
 
 
-_UNITS = {"displacement": "{L}", "position": "{L}", "rotation": "rad", "velocity": "{L}/{T}", "rate": "rad/{T}",
-          "phase": "rad", "force": "{F}",
-          "moment": "{F}*{L}", "energy": "{F}*{L}"}
-
-
 def goal_units(loaded: LoadedCase) -> str:
     """Return the units of a case's goal, as a template for result files."""
     goal = goal_of(loaded)
     if goal.kind is not None:
         return "rad/{T}"
-    return _UNITS[goal_kind(goal)] if goal.quantity is not None else "1"
+    if goal.quantity is None:
+        return "1"
+    if goal.part == "phase":
+        return "rad"
+    return known_column("probe", goal.quantity).units if goal.quantity in QUANTITIES else "{F}*{L}"
 
 
 def write_convergence(study: Convergence, loaded: LoadedCase, path: str, command: str = "", *,

@@ -14,7 +14,7 @@ from ..case import TEMPLATES, Goal, LoadedCase, load_case_text, template
 from ..elements.formulations import FORMULATIONS
 from ..elements.registry import ELEMENTS
 from ..kernels.lowlevel.jit import CACHE, REFUSED
-from ..solvers.motion.schemes import INTEGRATORS
+from ..solvers.motion.integrators import INTEGRATORS
 from .gradient import gradient
 from .measures import GoalValues
 from .run import run_case, vocabulary
@@ -102,7 +102,7 @@ def _small_cases() -> Iterator[tuple[str, dict[str, Any]]]:
                                                "solver": {**STEP, "method": "radau5"}}
     # integrators call these kernels by address, so one integrator suffices
     yield "radau5 with controllers, events and what moves", {
-        **_answers(), "solver": {**MOMENT, "method": "radau5"}, "output": {**FEW, "probes": {PROBE: "b@1"}}}
+        **_feedback(), "solver": {**MOMENT, "method": "radau5"}, "output": {**FEW, "probes": {PROBE: "b@1"}}}
     yield from _memories()
     for name in METHODS:
         motion, conserved = {"solver": {**MOMENT, "method": name}, "output": FEW}, INTEGRATORS[name].conserves
@@ -182,11 +182,11 @@ def _contact_of_bodies() -> dict[str, Any]:
             "contacts": [{"between": ["b", "a"], "law": LAW}, {"between": ["c", "b"]}]}
 
 
-def _answers() -> dict[str, Any]:
+def _feedback() -> dict[str, Any]:
     """Return a case with controllers, formulas, events, and a force and a mass that move along a body."""
     bodies = {name: _body([0, k], [1, k], {"type": "reissner3"}, STIFF) for k, name in enumerate(("a", "b"))}
     place = {"type": "expression", "value": "0.99 + 200*t"}  # the point leaves the body halfway through the motion
-    return {"format": 1, "title": "answers", "bodies": bodies,
+    return {"format": 1, "title": "feedback", "bodies": bodies,
             "boundary_conditions": [{"type": "clamp", "at": "a@0"}, {"type": "pin", "at": "b@0"},
                                     {"type": "roller", "at": "a@1", "fixed": "y", "active": {"after": "tip.y > 9"}}],
             "springs": [{"type": "rotational", "between": [[0, 1], "b@0"], "force": "2*sin(u) + 0.1*v"},

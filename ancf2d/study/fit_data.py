@@ -12,28 +12,26 @@ from typing import Any
 import numpy as np
 
 from ..case import Dynamic, FrequencyResponse, LinearStatic, LoadedCase, QuasiStatic, Static, with_overrides
-from ..case.binder import KINEMATIC, nearest
+from ..case.binder import nearest
 from ..case.compose import read_text
 from ..case.schema.controllers import equations
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem, many, raise_any
 from ..model.model import Model
+from ..quantities import FORCES, KIND_OF, KINEMATIC, RATE_OF, RATES
 from ..solvers.derivatives.differences import UnsuitedError
 from ..solvers.derivatives.readings import Term
 from .measures import probes_alike
 from .run import vocabulary
 
-# solvers for each name of the first column; and the rates of quantities, for cubic interpolation between states
+# solvers for each name of the first column
 ABSCISSAE = {"t": "dynamic or quasi_static", "factor": "static or linear_static", "hz": "frequency_response"}
-RATES = {"x": "vx", "y": "vy", "ux": "vx", "uy": "vy", "theta": "omega"}
-FORCES = ("N", "Q", "M")
 # share of the last time or load factor below which two of them are equal
 NEAR = 1e-9
 PARTS = ("re", "im")
-# kind of each quantity, and the power of a length that converts it to the units of its kind
-KINDS = {"x": ("place", 0), "y": ("place", 0), "ux": ("place", 0), "uy": ("place", 0), "theta": ("place", 1),
-         "vx": ("rate", 0), "vy": ("rate", 0), "omega": ("rate", 1), "N": ("force", 0), "Q": ("force", 0),
-         "M": ("force", -1)}
+# the scale of each kind of quantity, and the power of a length that converts the kind to the units of its scale
+SCALES = {"position": ("place", 0), "displacement": ("place", 0), "rotation": ("place", 1), "velocity": ("rate", 0),
+          "angular velocity": ("rate", 1), "force": ("force", 0), "moment": ("force", -1)}
 # relative to the largest range of its kind: smaller variations are round-off or noise
 FAINT = 1e-6
 
@@ -85,7 +83,7 @@ class Data:
         source, rest = name.split(".", 1) if self.axis == "hz" else ("", name)
         quantity = (rest.rpartition(".")[0] if self.axis == "hz" else rest).rpartition(".")[2]
         # controllers have units of their own
-        kind, power = KINDS.get(quantity, (rest, 0))
+        kind, power = SCALES.get(KIND_OF.get(quantity, ""), (rest, 0))
         return f"{source} {kind}", power
 
 
@@ -192,10 +190,10 @@ def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
         elif probe not in probes:
             say(f"column '{name}': the case has no probe '{probe}'", "" if nearest(probe, probes) else
                 f"one of {', '.join(probes)}" if probes else "output.probes", nearest(probe, probes) or "")
-        elif quantity not in KINDS:
+        elif quantity not in (*KINEMATIC, *FORCES):
             say(f"column '{name}': '{quantity}' is no quantity of a probe", "x, y, ux, uy, theta, vx, vy, omega, N, Q "
                 "or M")
-        elif quantity in RATES.values() and solver.balances:
+        elif quantity in RATES and solver.balances:
             say(f"column '{name}': a static state has no {quantity}")
     return problems
 
@@ -251,7 +249,7 @@ class DataValues:
     def from_probes(self) -> bool:
         """Return whether the values follow from positions of probes, and from their rates at stored states."""
         quantities = [name.rpartition(".")[2] for name in self.data.names]
-        return self.data.axis == "t" and all(q in RATES or (q in KINEMATIC and self.data.interval > 0.0)
+        return self.data.axis == "t" and all(q in RATE_OF or (q in KINEMATIC and self.data.interval > 0.0)
                                              for q in quantities)
 
     def alike(self, one: Model, other: Model) -> bool:
@@ -270,7 +268,7 @@ class DataValues:
             if exact:
                 out.append((value, int(first[near[row]]), probe, quantity, 1.0))
                 continue
-            if quantity not in RATES:
+            if quantity not in RATE_OF:
                 raise UnsuitedError("rates between states follow from all of these")
             # weights of the Hermite cubic between two states
             k = int(between[row])
@@ -279,7 +277,7 @@ class DataValues:
             ends = ((1 - s)**2 * (1 + 2 * s), h * s * (1 - s)**2), (s * s * (3 - 2 * s), h * s * s * (s - 1))
             for state, (by_place, by_rate) in enumerate(ends, k):
                 out += [(value, int(first[state]), probe, quantity, by_place),
-                        (value, int(first[state]), probe, RATES[quantity], by_rate)]
+                        (value, int(first[state]), probe, RATE_OF[quantity], by_rate)]
         return out
 
     def _responses(self, states: Sequence[Any]) -> Array:
@@ -311,7 +309,7 @@ class DataValues:
             if quantity not in read[-1][probe]:
                 raise ComputationError(f"the solver does not compute {quantity} of {probe}")
             y = np.array([read[k][probe].get(quantity, np.nan) for k in first])
-            rate = RATES.get(quantity, "")
+            rate = RATE_OF.get(quantity, "")
             if not np.abs(t[near] - self.data.x).max() > NEAR * t[-1]:
                 columns.append(y[near])
             elif rate in read[-1][probe]:

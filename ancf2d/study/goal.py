@@ -13,6 +13,7 @@ from ..case import Dynamic, FrequencyResponse, Goal, LoadedCase, Solver
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError
 from ..model.model import Model
+from ..quantities import DISPLACEMENTS, KIND_OF
 from .record import Progress
 from .run import Outcome, Solve, lacking, quantity, run_case
 from .windows import window_key, window_of
@@ -20,11 +21,6 @@ from .windows import window_key, window_of
 if TYPE_CHECKING:
     from ..solvers.statics.newton import Start
 
-_KINDS = {"ux": "displacement", "uy": "displacement", "x": "position", "y": "position", "theta": "rotation",
-          "vx": "velocity", "vy": "velocity", "omega": "rate", "N": "force", "Q": "force", "fx": "force", "fy": "force",
-          "M": "moment", "m": "moment"}
-# quantities by which responses are judged; rates follow from these
-JUDGED = ("ux", "uy", "theta")
 SHARE = 1e-3
 TINY = 2.0**-1022
 
@@ -39,7 +35,7 @@ def goal_of(loaded: LoadedCase, lacking: str = "no value to find the error of") 
 
 def goal_kind(goal: Goal) -> str:
     """Return the kind of quantity of a goal: displacement, force, ..., energy."""
-    return "phase" if goal.part == "phase" else _KINDS.get(goal.quantity or "", "energy")
+    return "phase" if goal.part == "phase" else KIND_OF.get(goal.quantity or "", "energy")
 
 
 def smallest_scale(goal: Goal, summary: dict[str, Any], model: Model, d: Any) -> float:
@@ -56,7 +52,7 @@ def smallest_scale(goal: Goal, summary: dict[str, Any], model: Model, d: Any) ->
     if goal.input is not None:
         return smallest_peak(summary["response"][goal.input], kind)
     rows = [*summary["probes"].values(), *summary.get("reactions", {}).values()]
-    largest = [abs(v) for row in rows for q, v in row.items() if _KINDS.get(q) == kind]
+    largest = [abs(v) for row in rows for q, v in row.items() if KIND_OF.get(q) == kind]
     if kind == "displacement":
         largest += [float(abs(model.weights * d).max(initial=0.0)), least_motion(model) / SHARE]
     if kind == "position":
@@ -66,7 +62,7 @@ def smallest_scale(goal: Goal, summary: dict[str, Any], model: Model, d: Any) ->
 
 def smallest_peak(probes: dict[str, Any], kind: str) -> float:
     """Return 1e-3 of the largest amplitude of a kind in the responses of all probes to one input."""
-    return SHARE * max((math.hypot(*v) for row in probes.values() for q, H in row.items() if _KINDS.get(q) == kind
+    return SHARE * max((math.hypot(*v) for row in probes.values() for q, H in row.items() if KIND_OF.get(q) == kind
                         for v in zip(H["re"], H["im"], strict=True)), default=0.0)
 
 
@@ -108,7 +104,7 @@ def curves_of(goal: Goal | None, response: dict[str, Any], log: bool) -> Curves:
     H, sizes = [], []
     for name in (n for n in response if n != "hz"):
         for probe, quantities in response[name].items():
-            for q in JUDGED if goal is None else quantities:
+            for q in DISPLACEMENTS if goal is None else quantities:
                 if goal is None or (name, probe, q) == (goal.input, goal.probe, goal.quantity):
                     H.append(np.array(quantities[q]["re"]) + 1j * np.array(quantities[q]["im"]))
                     kind = goal_kind(Goal(probe=probe, quantity=q))

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..case import Goal, LoadedCase
-from ..case.binder import KINEMATIC, listed
+from ..case.binder import listed
 from ..case.nodes import Mark, Origin
 from ..case.part_checks import refused_field
 from ..case.records import tag_of
@@ -19,6 +19,7 @@ from ..case.syntax import Chain, Comparison, ExpressionError, Names, named_in, s
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem, raise_any
 from ..model.model import Model
+from ..quantities import KINEMATIC, MOTIONS
 from ..results.geometry import mises
 from ..solvers.derivatives.readings import CLOSE, Term
 from ..solvers.fields import FIELDS, FieldReader, field_problems
@@ -37,7 +38,7 @@ class Vocabulary:
 
     def __init__(self, loaded: LoadedCase) -> None:
         case = loaded.case
-        rates = KINEMATIC if case.solver.moves else KINEMATIC[:5]
+        rates = KINEMATIC if case.solver.moves else MOTIONS
         self.probes = tuple(case.output.probes)
         found = [f"{probe}.{q}" for probe in self.probes for q in (*rates, *SECTION)]
         supports = [s.name for s in case.boundary_conditions if s.name]

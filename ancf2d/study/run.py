@@ -25,7 +25,7 @@ from ..model.build import build_model
 from ..model.model import Model
 from ..model.own_element import element_issues
 from ..solvers.fields import FIELDS
-from ..solvers.motion.schemes import INTEGRATORS
+from ..solvers.motion.integrators import INTEGRATORS
 from .digests import files_of
 from .record import Progress, Recorder
 from .windows import value_at, window_key, window_of
@@ -69,7 +69,7 @@ def prepare(loaded: LoadedCase, like: Model | None = None, for_differences: bool
     """
     from ..solvers.fields import field_problems
     from ..solvers.motion.initial import initial_problems
-    from ..solvers.motion.schemes import method_problems
+    from ..solvers.motion.integrators import method_problems
     from ..solvers.registry import left_out
 
     model = build_model(loaded, like=like, for_differences=for_differences)

@@ -211,10 +211,10 @@ def _touch(model: Model, new: bool) -> None:
     matrix = make_matrix(model)
     touched: list[Callable[[], object]] = [*_drivers(model, matrix), partial(_touch_matrix, type(matrix))]
     if new:
-        from ..model.interactions import of_interactions
+        from ..model.interactions import interaction_compilations
         from ..solvers.motion.problem import element_compilations, empty_problem
 
-        laws = of_interactions(model, False, empty_problem().layout)
+        laws = interaction_compilations(model, False, empty_problem().layout)
         spread([*laws[:1], *element_compilations(model), *laws[1:], *touched])
     _ = model.groups
     for each in touched:
@@ -254,15 +254,15 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
 
 def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
     """Solve the first moment of a motion; problems of the case are left for the run itself to report."""
-    from ..model.interactions import of_interactions
+    from ..model.interactions import interaction_compilations
     from ..solvers.contact import memory, restore_memory
+    from ..solvers.motion.integrators import INTEGRATORS, default_method
     from ..solvers.motion.problem import empty_problem, motion_compilations
-    from ..solvers.motion.schemes import INTEGRATORS, default_method
     from ..solvers.registry import SOLVERS
 
     if new:
         conserves = INTEGRATORS[spec.method or default_method(model)].conserves
-        laws = of_interactions(model, conserves, empty_problem().layout)
+        laws = interaction_compilations(model, conserves, empty_problem().layout)
         spread([*laws[:1], *motion_compilations(model, spec), *laws[1:]])
     _ = model.groups
     moment, contacts = MOMENT * spec.t_end, memory(model)

@@ -11,6 +11,8 @@ from typing import Any
 import pytest
 from click.testing import Result
 
+from ancf2d.results.export import FORMATS
+
 Call = Callable[..., Result]
 
 
@@ -30,6 +32,11 @@ def test_probes_are_columns_named_as_in_the_contract(solved: Call, folder: Path)
     assert [float(row["factor"]) for row in rows] == pytest.approx([0, 1 / 3, 2 / 3, 1])
 
 
+def test_the_help_describes_every_format(call: Call) -> None:
+    described = call("export", "--help").stdout.split("Examples:")[0]
+    assert [suffix for suffix in FORMATS if suffix not in described] == []
+
+
 def test_json_object_names_the_file(solved: Call, folder: Path) -> None:
     found: dict[str, Any] = json.loads(solved("export", "beam.h5", "all.json", "--json").stdout)
     assert found == {"file": "beam.h5", "output": "all.json", "status": "written",
@@ -37,7 +44,7 @@ def test_json_object_names_the_file(solved: Call, folder: Path) -> None:
 
 
 @pytest.mark.parametrize(("arguments", "said"), [
-    (("beam.h5", "beam.xdmf"), "unknown suffix '.xdmf' (known: .vtkhdf, .csv, .npz, .mat, .json)"),
+    (("beam.h5", "beam.xdmf"), "unknown suffix '.xdmf' (known: .vtkhdf, "),
     (("beam.h5", "beam.yaml"), "unknown suffix '.yaml'"), (("beam.h5", "there.csv"), "replace it with --force"),
     (("none.h5", "a.csv"), "there is no result file 'none.h5'"), (("beam.yaml", "a.csv"), "is not an HDF5 file"),
     (("beam.h5", "none/a.csv"), "does not exist"), (("beam.h5",), "missing argument")],

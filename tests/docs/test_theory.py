@@ -8,7 +8,7 @@ import pytest
 
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS
-from ancf2d.solvers.motion.schemes import INTEGRATORS
+from ancf2d.solvers.motion.integrators import INTEGRATORS
 from ancf2d.solvers.registry import SOLVERS
 
 ROOT = Path(__file__).parents[2]

@@ -1,4 +1,4 @@
-"""Point laws: forces, stiffness and damping as derivatives; discrete gradients; what turning a scene changes."""
+"""Point laws: forces, stiffness and damping as derivatives, and what turning a scene changes."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ancf2d.case.syntax import Names, syntax
 from ancf2d.elements.point_laws import DIRECTION, GROUND, MAX_MEM, THETA, half_sine
-from ancf2d.interactions import RotationalSpring, TranslationalSpring
 from ancf2d.interactions.flow import FLOW, TURNING
 from ancf2d.interactions.forces import FOLLOWER, MOMENT, position_law
 from ancf2d.interactions.formulas import ALONG_BODY, LOCAL
 from ancf2d.interactions.spring_laws import count_turns, over_sine, spring_law
+from ancf2d.interactions.springs import RotationalSpring, TranslationalSpring
 from ancf2d.model.constraints import ALIGNED, AT_ANGLE, FIXED_LENGTH
 from ancf2d.model.point_patch import formula_record
 from ancf2d.model.switched import HELD, HELD_ALIGNED, HELD_ANGLE
@@ -83,10 +83,6 @@ ITEMS = {
 }
 ELASTIC = [n for n, i in ITEMS.items() if i.name in ("translational", "rotational", "hardening", "hardening angle")]
 CONSTRAINTS = [n for n, i in ITEMS.items() if LAWS[i.name].constraint]
-# a torsion spring between theta and a direction: no discrete gradient keeps both its energy and angular momentum
-# what is held by the ground has a moment on it
-BALANCED = [n for n, i in ITEMS.items()
-            if n not in ("torsion 12", "torsion 21", "direction at an angle", "direction held")]
 STEP = st.lists(st.floats(-0.8, 0.8, allow_nan=False), min_size=6, max_size=6)
 A = np.array([1.7, 0.4, -0.2])
 
@@ -97,13 +93,6 @@ def evaluate(item, u, w=None, mem=None, a=A):
     f, H, C = np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
     energy, _ = LAWS[item.name].forces(item.p0, u, w, item.par, a, mem, f, H, C)
     return energy, f, H, C
-
-
-def mean(item, u0, u1, w=None, a0=A, a1=A, mem=None):
-    f = np.zeros(len(item.p0))
-    w, mem = np.zeros(len(f)) if w is None else w, np.zeros(MAX_MEM) if mem is None else mem
-    energy, power = LAWS[item.name].mean(item.p0, u0, u1, w, item.par, a0, a1, mem, f)
-    return energy, power, f
 
 
 def motion(item, seed):
@@ -197,69 +186,6 @@ def test_constraint_forces_are_the_gradient_of_multiplier_times_violation(name):
     assert evaluate(item, np.zeros(len(u)))[1][-1] == 0.0
 
 
-@given(first=STEP, second=STEP)
-# a step so short that the force is that of its middle
-@example(first=[0.0, 0.015625, 0.0, -0.5, 0.0, 0.0], second=[0.0078125, 0.015625, 0.0, -0.5, 0.0, 0.0])
-@settings(max_examples=20, deadline=None)
-@pytest.mark.parametrize("name", ELASTIC)
-def test_the_force_of_a_step_does_the_difference_of_energy_as_work(name, first, second):
-    item = ITEMS[name]
-    u0, u1 = np.array(first[:len(item.p0)]), np.array(second[:len(item.p0)])
-    before, after = evaluate(item, u0)[0], evaluate(item, u1)[0]
-    energy, power, f = mean(item, u0, u1)
-    assert f @ (u1 - u0) == pytest.approx(after - before, abs=1e-13 * (1 + np.abs(f * (u1 - u0)).sum()))
-    assert energy == pytest.approx(after, abs=1e-14)
-    assert power == 0.0
-
-
-@given(first=STEP, second=STEP)
-@settings(max_examples=20, deadline=None)
-@pytest.mark.parametrize("name", ELASTIC)
-def test_dampers_take_what_they_say_over_a_step(name, first, second):
-    """With the mean rate of a step of length h, f . (u1 - u0) = U1 - U0 + h * power, and the power is not negative."""
-    item, h = ITEMS[name], 0.3
-    u0, u1 = np.array(first[:len(item.p0)]), np.array(second[:len(item.p0)])
-    _, power, f = mean(item, u0, u1, (u1 - u0) / h)
-    work = evaluate(item, u1)[0] - evaluate(item, u0)[0] + h * power
-    assert f @ (u1 - u0) == pytest.approx(work, abs=1e-12 * (1 + np.abs(f * (u1 - u0)).sum()))
-    assert power >= 0.0
-
-
-@given(first=STEP, second=STEP)
-@settings(max_examples=20, deadline=None)
-@pytest.mark.parametrize("name", CONSTRAINTS)
-def test_constraints_are_met_at_the_end_and_do_the_work_of_their_change(name, first, second):
-    item = ITEMS[name]
-    u0, u1 = np.array(first[:len(item.p0)]), np.array(second[:len(item.p0)])
-    lam = u1[-1]
-    g0, g1 = (evaluate(item, u)[1][-1] for u in (u0, u1))
-    _, _, f = mean(item, u0, u1)
-    assert f[-1] == pytest.approx(g1, abs=1e-15)
-    assert f[:-1] @ (u1 - u0)[:-1] == pytest.approx(lam * (g1 - g0), abs=1e-14)
-
-
-@pytest.mark.parametrize("name", ITEMS)
-def test_the_forces_of_short_steps_are_those_of_the_state(name):
-    item = ITEMS[name]
-    u, w = motion(item, 5)
-    step = 1e-5 * w
-    inner = slice(None)
-    if LAWS[item.name].constraint:
-        # the constraint itself is that of the end of the step
-        step[-1], inner = 0.0, slice(-1)
-    _, f, _, _ = evaluate(item, u, w)
-    np.testing.assert_allclose(mean(item, u - step, u + step, w)[2][inner], f[inner], atol=1e-8)
-    np.testing.assert_allclose(mean(item, u, u, w)[2], f, atol=1e-12)
-
-
-def test_loads_take_the_mean_amplitude_of_a_step():
-    for name in ("follower of theta", "follower of a direction", "moment on theta", "moment on a direction"):
-        item = ITEMS[name]
-        u, _ = motion(item, 6)
-        f = mean(item, u, u, a0=np.array([1.0, 0, 0]), a1=np.array([2.0, 0, 0]))[2]
-        np.testing.assert_allclose(f, evaluate(item, u, a=np.array([1.5, 0, 0]))[1], atol=1e-14)
-
-
 def force_of_state(law, p0, par, u, w, a=A):
     """Return what a law of forces alone has at a state: f, H and C."""
     f, H, C = np.zeros(len(p0)), *np.zeros((2, len(p0), len(p0)))
@@ -350,29 +276,6 @@ def test_turning_the_scene_turns_the_forces_and_keeps_the_energy(name, angle, si
     np.testing.assert_allclose(F, expected, atol=1e-12)
 
 
-@given(first=STEP, second=STEP)
-@settings(max_examples=20, deadline=None)
-@pytest.mark.parametrize("name", [n for n in BALANCED if n[-2:] not in ("01", "02", "10", "20")])
-def test_the_forces_of_a_step_turn_nothing_about_its_middle(name, first, second):
-    """Angular momentum: inner forces have no moment on the mean of both states; a moment has its own."""
-    item = ITEMS[name]
-    u0, u1 = 0.6 * np.array(first[:len(item.p0)]), 0.6 * np.array(second[:len(item.p0)])
-    p, f = item.p0 + 0.5 * (u0 + u1), mean(item, u0, u1, u1 - u0)[2]
-    # a force has its moment about the origin by what it acts on, not by the direction that it follows
-    outer = item.vectors if item.name != "follower" else ()
-    moment = sum(p[k] * f[k + 1] - p[k + 1] * f[k] for k in outer) + sum(f[k] for k in item.angles)
-    own = -0.6 * A[0] if item.name == "moment" else 0.0
-    assert moment == pytest.approx(own, abs=1e-12)
-
-
-def test_the_force_of_a_step_is_that_of_the_mean_direction():
-    item = ITEMS["follower of a direction"]
-    (u0, _), (u1, _) = motion(item, 7), motion(item, 8)
-    f = mean(item, u0, u1)[2]
-    np.testing.assert_allclose(f, evaluate(item, 0.5 * (u0 + u1))[1], atol=1e-14)
-    assert not f[2:].any()
-
-
 @pytest.mark.parametrize(("a", "b"), [t for t in TURNS if DIRECTION in t])
 def test_turns_are_counted_from_one_accepted_state_to_the_next(a, b):
     item = _rotational(a, b)
@@ -384,15 +287,6 @@ def test_turns_are_counted_from_one_accepted_state_to_the_next(a, b):
         twist = (angle if b == DIRECTION else -angle) - 0.3
         assert evaluate(item, u, mem=mem)[0] == pytest.approx(twist**2, abs=1e-10)
         count_turns(item.p0, u, item.par, mem)
-
-
-def test_a_step_across_the_back_of_a_direction_keeps_its_energy():
-    """From just below pi to just above: the angle goes on, whatever the arc tangent says."""
-    item = ITEMS["torsion 02"]
-    states = [np.array([1.3 * (np.cos(x) - 1), 1.3 * np.sin(x)]) for x in (3.0, 3.4)]
-    energy, _, f = mean(item, *states, mem=np.array([0.0, 3.0]))
-    assert energy == pytest.approx((3.4 - 0.3) ** 2)
-    assert f @ (states[1] - states[0]) == pytest.approx(3.1**2 - 2.7**2)
 
 
 def test_stretch_of_springs_keeps_the_digits_of_small_displacements():

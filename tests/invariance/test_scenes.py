@@ -20,7 +20,7 @@ from ancf2d.case import schema
 from ancf2d.case.records import keys_of
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS, names
-from ancf2d.solvers.motion.schemes import INTEGRATORS
+from ancf2d.solvers.motion.integrators import INTEGRATORS
 from ancf2d.study.run import prepare
 
 

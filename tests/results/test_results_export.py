@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import tracemalloc
 from pathlib import Path
 
@@ -56,9 +57,8 @@ def grid(path: Path) -> h5py.Group:
 
 def test_every_format_is_told_by_its_suffix_alone() -> None:
     assert [format_of(f"a{suffix.upper()}").suffix for suffix in FORMATS] == list(FORMATS)
-    for path, said in (("a.xdmf", r"unknown suffix '\.xdmf' \(known: \.vtkhdf, \.csv, \.npz, \.mat, \.json\)"),
-                       ("a", "no suffix")):
-        with pytest.raises(ResultsError, match=said):
+    for path, said in (("a.xdmf", f"unknown suffix '.xdmf' (known: {', '.join(FORMATS)})"), ("a", "no suffix")):
+        with pytest.raises(ResultsError, match=re.escape(said)):
             format_of(path)
 
 

@@ -16,10 +16,10 @@ from ancf2d.solvers.energy import Energies
 from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.dynamic import Balance, solve_dynamic
 from ancf2d.solvers.motion.initial import initial_motion
+from ancf2d.solvers.motion.integrators import SCIPY_METHODS
 from ancf2d.solvers.motion.methods import Method
 from ancf2d.solvers.motion.ode import OdeStepper
 from ancf2d.solvers.motion.problem import make_problem
-from ancf2d.solvers.motion.schemes import SCHEMES
 from ancf2d.solvers.motion.stepping import LOG, Stepper
 
 THIN = {"height": 0.02, "width": 0.05}
@@ -53,7 +53,7 @@ class Ride:
         wanted = t_end * np.arange(1, states + 1) / states
         problem, signals = make_problem(self.model)
         spec = self.model.case.solver
-        kind = OdeStepper if spec.method in SCHEMES else Stepper
+        kind = OdeStepper if spec.method in SCIPY_METHODS else Stepper
         self.stepper = kind(self.model, problem, signals, spec, solver.get("dt", 0.0),
                             np.zeros(0) if every else wanted[:-1], every)
         if tight:

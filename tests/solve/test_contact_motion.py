@@ -13,7 +13,7 @@ from instruments.references import contacts as references
 from motions import ride, rigid
 
 import ancf2d
-from ancf2d.solvers.motion.schemes import method_problems
+from ancf2d.solvers.motion.integrators import method_problems
 from ancf2d.solvers.motion.stepping import LOG
 from ancf2d.solvers.registry import solve
 

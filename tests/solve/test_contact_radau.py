@@ -17,7 +17,7 @@ from motions import Ride, ride, rigid
 
 import ancf2d
 from ancf2d.kernels.motion.state import COUNT, SWITCHED
-from ancf2d.solvers.motion.schemes import method_problems
+from ancf2d.solvers.motion.integrators import method_problems
 
 G, HEIGHT, MASS, INERTIA = 9.81, 0.5, 2.0, 0.2
 FALL = [{"type": "gravity", "value": [0, -G]}]

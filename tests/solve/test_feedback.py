@@ -1,4 +1,4 @@
-"""Loads that answer the motion: controllers and formulas against closed forms and SciPy on the same equations."""
+"""Loads that depend on the motion: controllers and formulas against closed forms and SciPy on the same equations."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def arm(torque: str, **more) -> dict:
 
 
 def told(motion: Ride) -> dict[str, float]:
-    """What the motion tells at its end, by name."""
-    answers = motion.stepper.answers
-    return dict(zip(answers.feedback.names, answers.values_at(motion.rows[-1]), strict=True))
+    """The quantities on which the motion depends, at its end, by name."""
+    found = motion.stepper.feedback
+    return dict(zip(found.of_model.names, found.values_at(motion.rows[-1]), strict=True))
 
 
 @pytest.mark.parametrize(("method", "error"), [("radau5", 1e-10), ("radau9", 1e-10), ("DOP853", 1e-10),
@@ -133,7 +133,7 @@ def test_a_controller_that_nothing_uses_watches_the_motion():
     watch = {"type": "pid", "input": "hub.theta", "kp": 1}
     scene = arm("0", controllers={"watch": watch}, initial={"rotation_rate": {"omega": 10}})
     motion = ride(scene, 1.0, tolerance=1e-9, estimate=False)
-    found = motion.stepper.answers.update_model(motion.rows[-1])
+    found = motion.stepper.feedback.update_model(motion.rows[-1])
     assert found["watch"]["output"] == pytest.approx(10.0, abs=1e-8)
 
 

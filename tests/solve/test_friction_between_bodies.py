@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from helpers import section_forces
 from motions import ride
-from test_contact_of_bodies import block, check_balance
+from test_collisions_of_bodies import block
+from test_contact_of_bodies import check_balance
 
 from ancf2d.solvers.contact import contact_report
 from ancf2d.solvers.fields import FieldReader

@@ -10,7 +10,7 @@ import pytest
 from motions import GRAVITY, ride
 
 from ancf2d.model import numbering
-from ancf2d.solvers.motion.schemes import INTEGRATORS
+from ancf2d.solvers.motion.integrators import INTEGRATORS
 
 pytestmark = pytest.mark.slow
 

@@ -12,7 +12,8 @@ import ancf2d
 from ancf2d.api.solving import load
 from ancf2d.cli.report import motion_lines
 from ancf2d.solvers.motion import stepping
-from ancf2d.solvers.motion.dynamic import Run, drift_warning
+from ancf2d.solvers.motion.dynamic import Run
+from ancf2d.solvers.motion.warnings import drift_warning
 from ancf2d.study.run import prepare
 
 G, M, J = 9.81, 2.0, 0.25

@@ -11,8 +11,8 @@ from ancf2d.kernels.motion.advance import advance
 from ancf2d.kernels.motion.state import SIZE, TIME
 from ancf2d.kernels.motion.step_control import increment_tolerance
 from ancf2d.solvers.motion import stepping
+from ancf2d.solvers.motion.integrators import INTEGRATORS, SCIPY_METHODS, method_problems
 from ancf2d.solvers.motion.methods import MAKERS
-from ancf2d.solvers.motion.schemes import INTEGRATORS, SCHEMES, method_problems
 
 FREE = {"bodies": {"a": rod("vallejo")}, "bc": [{"type": "pin", "at": "a@0"}], "loads": GRAVITY}
 EXACT = {**FREE, "bodies": {"a": rod("vallejo"), "b": rod("reissner3", 2, (1, 0), (2, 0))}}
@@ -27,8 +27,8 @@ def refusals(scene, **solver):
 
 
 def test_every_integrator_is_made_by_the_tool_or_by_scipy():
-    assert set(MAKERS) | set(SCHEMES) == set(INTEGRATORS)
-    assert not set(MAKERS) & set(SCHEMES)
+    assert set(MAKERS) | set(SCIPY_METHODS) == set(INTEGRATORS)
+    assert not set(MAKERS) & set(SCIPY_METHODS)
 
 
 @pytest.mark.parametrize("method", INTEGRATORS)
@@ -76,6 +76,19 @@ def test_spectral_radii_that_a_method_cannot_have(solver, part):
     ((key, message, _),) = refusals(FREE, **solver)
     assert key == "spectral_radius"
     assert part in message
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("method", INTEGRATORS)
+def test_contact_without_a_law_is_refused_unless_it_is_declared_and_the_message_lists_the_others(method, friction):
+    scene = {"bodies": {"a": rod("vallejo")}, "obstacles": {"floor": {
+        "type": "half_plane", "through": [0, -1], "normal": [0, 1]}}, "contacts": [
+            {"between": ["a", "floor"], "friction": friction}]}
+    told = [expected for _, message, expected in refusals(scene, method=method) if "without a law" in message]
+    one = INTEGRATORS[method]
+    assert len(told) == (0 if one.friction or (one.contact and not friction) else 1)
+    suited = [m.name for m in INTEGRATORS.values() if (m.friction if one.contact else m.contact)]
+    assert all(name in expected for expected in told for name in suited)
 
 
 @pytest.mark.parametrize("room", [2, 3, 7])

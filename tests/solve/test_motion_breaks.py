@@ -11,7 +11,7 @@ from ancf2d.kernels.motion.state import WORK
 from ancf2d.solvers.energy import Energies
 from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.dynamic import Run
-from ancf2d.solvers.motion.schemes import SCHEMES
+from ancf2d.solvers.motion.integrators import SCIPY_METHODS
 
 CONSTRAINED = [m for m in OWN if m != "newmark"]
 BREAK = 0.0523
@@ -43,7 +43,7 @@ PUSHES = {"<": f"1 if t < {BREAK} else 0", "<=": f"1 if t <= {BREAK} else 0", ">
           ">=": f"0 if t >= {BREAK} else 1"}
 
 
-@pytest.mark.parametrize("method", h.chosen([*OWN, *SCHEMES], [*OWN, "DOP853"]))
+@pytest.mark.parametrize("method", h.chosen([*OWN, *SCIPY_METHODS], [*OWN, "DOP853"]))
 def test_a_force_that_ends_inside_a_step_gives_its_impulse(method):
     """Whatever bends meanwhile, a free body has the momentum that it was given."""
     # a step over the break would be off by its error; the impulse of steps that end there is exact, whatever that is

@@ -17,7 +17,7 @@ from ancf2d.model.timing import Signal
 from ancf2d.solvers.motion.dynamic import Run
 from ancf2d.solvers.motion.estimate import DOUBLE, LEVELS, SAFETY, TENFOLD, Estimate
 from ancf2d.solvers.motion.failures import failure, other_method
-from ancf2d.solvers.motion.schemes import INTEGRATORS
+from ancf2d.solvers.motion.integrators import INTEGRATORS
 from ancf2d.solvers.registry import solve
 from ancf2d.solvers.state import State
 from ancf2d.study.run import load, run_case

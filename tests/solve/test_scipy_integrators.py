@@ -12,14 +12,14 @@ from ancf2d.errors import ComputationError
 from ancf2d.kernels.motion.advance import CHECK
 from ancf2d.solvers.motion.dynamic import Balance
 from ancf2d.solvers.motion.initial import initial_motion
+from ancf2d.solvers.motion.integrators import SCIPY_METHODS, method_problems
 from ancf2d.solvers.motion.ode import OdeStepper
 from ancf2d.solvers.motion.problem import make_problem
-from ancf2d.solvers.motion.schemes import SCHEMES, method_problems
 from ancf2d.solvers.motion.stepping import Stepper
 
 SECTION, RUBBER = {"height": 0.1, "width": 0.05}, {"E": 2e7, "nu": 0.3, "rho": 2000}
 GRAVITY = [{"type": "gravity", "value": [0, -9.81]}]
-ONE_STEP = [name for name, scheme in SCHEMES.items() if scheme.one_step]
+ONE_STEP = [name for name, scheme in SCIPY_METHODS.items() if scheme.one_step]
 PENDULUM = {"bodies": {"a": h.body(h.line(1.0), h.element("reissner3", 2), SECTION, RUBBER)},
             "bc": [{"type": "pin", "at": "a@0"}], "loads": GRAVITY}
 # a driven arm, welded to one of another type: two multipliers, a spring with a damper, damping of the mass
@@ -37,7 +37,7 @@ def stepper(scene, method, t_end=0.2, states=4, every=0, **solver):
     """Return the model of a scene and its stepper at the start."""
     model = h.build(scene["bodies"], {"type": "dynamic", "t_end": t_end, "method": method, **solver},
                     **{k: v for k, v in scene.items() if k != "bodies"})
-    kind = OdeStepper if method in SCHEMES else Stepper
+    kind = OdeStepper if method in SCIPY_METHODS else Stepper
     wanted = np.linspace(0.0, t_end, states + 1)[1:]
     out = kind(model, *make_problem(model), model.case.solver, solver.get("dt", 0.0), wanted, every)
     out.start(*initial_motion(model))
@@ -60,7 +60,7 @@ def reference(name):
     return own.full(rows[-1])[0][:model.n_q]
 
 
-@pytest.mark.parametrize("method", h.chosen(SCHEMES, ["DOP853"]))
+@pytest.mark.parametrize("method", h.chosen(SCIPY_METHODS, ["DOP853"]))
 def test_the_error_follows_the_tolerance(method):
     errors = []
     for tolerance in (1e-4, 1e-8):
@@ -150,7 +150,7 @@ def test_methods_that_keep_more_than_can_be_stored_have_no_checkpoint():
 
 
 @pytest.mark.slow_rows("BDF", "Radau")
-@pytest.mark.parametrize("method", SCHEMES)
+@pytest.mark.parametrize("method", SCIPY_METHODS)
 def test_dt_is_the_longest_step_and_errors_are_kept_all_the_same(method):
     model, own, rows = moved(PENDULUM, method, dt=0.004)
     log = np.concatenate([r.log for r in rows])
@@ -207,14 +207,14 @@ def test_multistep_methods_refuse_multipliers_by_name(method):
     assert "radau5" in problem.expected
 
 
-@pytest.mark.parametrize("method", SCHEMES)
+@pytest.mark.parametrize("method", SCIPY_METHODS)
 def test_methods_are_accepted_where_nothing_needs_a_multiplier(method):
     model, _ = stepper(PENDULUM, method, tolerance=1e-4)
     assert method_problems(model) == []
 
 
 @pytest.mark.slow_rows("BDF", "Radau")
-@pytest.mark.parametrize("method", SCHEMES)
+@pytest.mark.parametrize("method", SCIPY_METHODS)
 def test_an_expression_without_a_value_is_named(method):
     load = {"type": "force", "at": "a@1", "value": [0, 1], "amplitude": {"type": "expression", "value": "sqrt(0.1-t)"}}
     with pytest.raises(ComputationError, match="sqrt") as caught:

@@ -158,7 +158,7 @@ def place_inside(node: Node, column: int) -> Mark:
 class Expression(Function):
     """A formula in t: + - * / ^, comparisons, sin cos exp sqrt abs, pi, ``a if c else b``, parameters.
 
-    In dynamic cases it may use probes and controllers, too: the load then answers the motion.
+    In dynamic cases it may use probes and controllers, too: the load then depends on the motion.
     """
 
     tag = "expression"

@@ -234,10 +234,10 @@ R = TypeVar("R", bound=type)
 # what the records of each list declare to the rest of the model, with the defaults
 DECLARED: dict[str, dict[str, Any]] = {
     # acceleration: of everything that has mass; line: force per length of a body (both times the amplitude); places: a
-    # body and positions S on it that need nodes; points: where it acts; answers: whether its amplitude may depend on
+    # body and positions S on it that need nodes; points: where it acts; feedback: whether its amplitude may depend on
     # the motion; drawn: points (S, y) of a body through which it is drawn (points and drawn are None if they follow
     # from its keys)
-    "loads": {"acceleration": None, "line": None, "places": None, "points": None, "answers": True, "drawn": None},
+    "loads": {"acceleration": None, "line": None, "places": None, "points": None, "feedback": True, "drawn": None},
     # whether rates cause forces, and whether it acts only in part of its range of elongation
     "springs": {"damped": False, "breaks": False},
     # the body along which a point slides; when it is active, None for always

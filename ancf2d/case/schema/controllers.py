@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from ...quantities import RATE_OF
 from ..binder import Binder, Issue, Path, dotted
 from ..declare import key, record
 from ..kinds import MapOf, Number, Vector
@@ -31,8 +32,6 @@ from .amplitudes import ExpressionText
 
 # width of the band around a limit in which integration fades out, relative to the range between the limits
 BAND = 1e-10
-# quantity of a probe -> its rate
-_RATES = {"x": "vx", "ux": "vx", "y": "vy", "uy": "vy", "theta": "omega"}
 
 
 class Identifiers(MapOf):
@@ -243,9 +242,9 @@ def rate_of(tree: Tree) -> Tree:
             return Constant(1.0)
         case Quantity(name):
             probe, _, quantity = name.partition(".")
-            if quantity not in _RATES:
+            if quantity not in RATE_OF:
                 raise DerivativeError(f"the rate of {name} is unknown")
-            return Quantity(f"{probe}.{_RATES[quantity]}")
+            return Quantity(f"{probe}.{RATE_OF[quantity]}")
         case Negative(operand):
             return Negative(rate_of(operand))
         case Power(base, Constant(n)):

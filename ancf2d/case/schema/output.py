@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from ...quantities import FORCES, KINEMATIC, MOTIONS, REACTIONS
 from ..binder import Binder, Issue, Path, dotted
 from ..declare import key, record
 from ..kinds import Choice, Integer, Known, ListOf, MapOf, Name, Number, Text
@@ -12,10 +13,9 @@ from ..nodes import Node, Scalar, quoted
 from ..records import Record
 from .points import PROBE, Probe
 
-PROBE_QUANTITIES = ("x", "y", "ux", "uy", "theta", "vx", "vy", "N", "Q", "M")
-RESPONSE_QUANTITIES = ("x", "y", "ux", "uy", "theta", "vx", "vy", "omega", "N", "Q", "M")
+PROBE_QUANTITIES = (*MOTIONS, "vx", "vy", *FORCES)
+RESPONSE_QUANTITIES = (*KINEMATIC, *FORCES)
 PARTS = ("abs", "re", "im", "phase")
-REACTION_QUANTITIES = ("fx", "fy", "m")
 CASE_QUANTITIES = ("strain_energy",)
 MODE_KINDS = ("bending", "axial", "shear", "thickness", "rigid", "mixed", "spurious")
 # tolerance within which a number of intervals counts as whole
@@ -60,7 +60,7 @@ def goal_issues(goal: Any) -> Iterator[Issue]:
         return
     form = given[0] if given else ""
     allowed = {"probe": PROBE_QUANTITIES if goal.input is None else RESPONSE_QUANTITIES,
-               "reaction": REACTION_QUANTITIES, "": CASE_QUANTITIES}.get(form, ())
+               "reaction": REACTIONS, "": CASE_QUANTITIES}.get(form, ())
     if not form and goal.quantity is None:
         yield Issue((), "{}: no quantity is given", FORMS)
     elif goal.quantity is None and allowed:
@@ -110,7 +110,7 @@ class Value:
 
     probe: str | None = key(Name("the name of a probe"), "Probe", default=None, refers="probes", example="mid")
     quantity: str | None = key(
-        _Quantity(*PROBE_QUANTITIES, "omega", *REACTION_QUANTITIES, *CASE_QUANTITIES),
+        _Quantity(*PROBE_QUANTITIES, "omega", *REACTIONS, *CASE_QUANTITIES),
         "Quantity: x, y, ux, uy, theta, vx, vy, N, Q, M of a probe; fx, fy, m of a reaction; strain_energy of the "
         "case; x, y, ux, uy, theta, vx, vy, omega, N, Q, M of a response", default=None, example="uy")
     reaction: str | None = key(Name("the name of a boundary condition"), "Boundary condition whose reaction is the "

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from ...quantities import KINEMATIC, MOTIONS
 from ..binder import Issue
 from ..declare import key, record
 from ..kinds import Choice, Flag, Integer, Known, ListOf, Name, Number, ProbeQuantity, Sign
@@ -20,8 +21,6 @@ RESOLUTION = 1e-3
 STEP_TOLERANCE, LOAD_STEPS, TIME_STEPS, LARGEST_STEP = 1e-6, 10, 100, 0.1
 INPUTS_DOC = ("Names of the loads and prescribed motions that oscillate. Their values are the amplitudes; their "
               "amplitudes over time are ignored, and they do not act on the static state")
-MOTIONS = ("x", "y", "ux", "uy", "theta")
-RATES = ("vx", "vy", "omega")
 
 
 def _about() -> Any:
@@ -307,7 +306,7 @@ class StateSpace(Kind):
                                   "the case. Their amplitudes over time are ignored, and they do not act on the "
                                   "static state",
                                   example=["push"])
-    outputs: tuple[str, ...] = key(ListOf(ProbeQuantity(*MOTIONS, *RATES), "PROBE.QUANTITY", 1),
+    outputs: tuple[str, ...] = key(ListOf(ProbeQuantity(*KINEMATIC), "PROBE.QUANTITY", 1),
                                    "Outputs y: the changes of these quantities of probes", example=["tip.uy"])
     modes: int = key(Integer(), "Number of modes, from the lowest; the static response of all others is in D",
                      default=20)

@@ -114,7 +114,7 @@ class RepeatedMotion:
             self.before = {name: value.copy() for name, value in zip(Motion._fields, s.values, strict=True)}
             why, logged = stepper.advance(rows, 1)
             if why == EVENT:
-                raise UnsuitedError("events answer the motion")
+                raise UnsuitedError("events depend on the motion")
             if logged:
                 self.step_count += 1
                 h = float(stepper.rows.log[0, 2])

@@ -15,8 +15,8 @@ from ...errors import CaseError
 from ...model.model import Model
 from ..motion.breaks import pass_break
 from ..motion.dynamic import Run
+from ..motion.integrators import INTEGRATORS, default_method
 from ..motion.methods import MAKERS
-from ..motion.schemes import INTEGRATORS, default_method
 from ..motion.stepping import Stepper
 from .differences import FORWARD, LOWER, Quotient, UnsuitedError
 from .differing import Differing
@@ -38,9 +38,9 @@ def why_unsuited(model: Model) -> str:
     spec = model.case.solver
     if not isinstance(spec, Dynamic):
         return "the solver has no time steps"
-    scheme = INTEGRATORS[spec.method or default_method(model)]
-    if scheme.name not in MAKERS or scheme.conserves:
-        return f"the steps of {scheme.name} are not differentiated"
+    method = INTEGRATORS[spec.method or default_method(model)]
+    if method.name not in MAKERS or method.conserves:
+        return f"the steps of {method.name} are not differentiated"
     if model.remembers:
         return "materials depend on the load history"
     if model.contacts:

@@ -125,7 +125,7 @@ def pass_break(motion: Any, piece: int) -> None:
     jump = after[:, 1] - before[:, 1]
     impulse = -jump[p.motion_mass_signal] @ p.motion_mass
     kinks = motion.moving.kink_impulse(p, w, s, t, carried)
-    sampled = motion.answers.sample(t)
+    sampled = motion.feedback.sample(t)
     motion.consistent(t, impulse + kinks)
     lost = motion.events.record_impulses(begun, before_impact) if begun else 0.0
     s.v[:] += off

@@ -27,28 +27,21 @@ from ..system import least_motion
 from ..threads import largest_share
 from .estimate import Estimate, step_ends
 from .initial import initial_motion
+from .integrators import SCIPY_METHODS
 from .ode import OdeStepper
 from .problem import make_problem
-from .schemes import SCHEMES
 from .stepping import LOG, Row, Stepper
+from .warnings import drift_warning, fibres_warning, gain_warning, wound_warning
 
 # number of stored states if the case does not say
 STATES = 200
 # local errors are relative to the largest displacement so far: initially this share of the scene's size, or less if a
 # trial run over this share of the motion finds less
 FIRST_SIZE, TRIAL_SHARE = 1e-3, 0.02
-# error of the energy balance, relative to the energy, that is allowed without a warning
-DRIFT_ALLOWED = 0.01
 # interval at which the remaining time is estimated anew [s]
 ESTIMATE_INTERVAL = 0.05
-# as DRIFT_ALLOWED, for motions with fibres that yield, whatever the estimated error
-FIBRE_DRIFT_ALLOWED = 0.1
-# energy that contact may add without a warning, relative to the energy
-GAIN_ALLOWED = 0.02
 # share of the kinetic energy of initial velocities that supports and joints may change without a warning
 INITIAL_LOSS_ALLOWED = 1e-6
-# displacements by rotation (times half the section height) may be this many times the other ones without a warning
-ROTATIONS_ALLOWED = 10.0
 
 
 def stored_times(model: Model, spec: Dynamic) -> Array:
@@ -143,7 +136,7 @@ class Run:
             spec = replace(spec, tolerance=spec.local_error)
         self.model, self.spec = model, spec
         self.problem, self.signals = make_problem(model)
-        kind = OdeStepper if spec.method in SCHEMES else Stepper
+        kind = OdeStepper if spec.method in SCIPY_METHODS else Stepper
         fixed = spec.dt is not None and kind is Stepper
         every = 0 if fixed else model.case.output.every or 0
         self.times = np.zeros(0) if every else stored_times(model, spec)
@@ -181,7 +174,7 @@ class Run:
             self.step_pace.mark(self.stepper.t, within=step_ends(self.stepper, since, found))
             for row in found:
                 if row.kind == CHECK:
-                    self.stepper.answers.update_model(row)
+                    self.stepper.feedback.update_model(row)
                     self.balance.evaluate(row)
             ends = self.stepper.done
             # the last state follows with the report
@@ -268,7 +261,7 @@ class Run:
         """Return the full state of a row, with energies and the time left, and with a checkpoint if ``keep``."""
         d, v, a = self.stepper.full(row)
         # first, so that springs have the state of this motion: coarser motions and resumed runs share the model
-        controllers = self.stepper.answers.update_model(row)
+        controllers = self.stepper.feedback.update_model(row)
         energies = self.balance.evaluate(row)
         if self.model.contacts:
             check_pressed_through(self.model, d, {"t": float(f"{row.t:.6g}")})
@@ -307,12 +300,7 @@ class Run:
         self.stepper.impacts.tell(state)
         if self.inverted is not None:
             state.warnings.append(self.inverted)
-        if self.balance.gain > GAIN_ALLOWED and any(not pair.hard for pair in self.model.contacts):
-            names = ", ".join(dict.fromkeys(pair.name for pair in self.model.contacts if not pair.hard))
-            state.warnings.append(f"the motion has gained {100 * self.balance.gain:.2g} % of its energy by numerical "
-                                  f"errors: the steps are too long for the contact layer ({names}). Use shorter steps, "
-                                  "a (smaller) tolerance, a softer law, or no law. If this does not help, points have "
-                                  "passed the middle of the body that they touch: use a stiffer law, or none")
+        state.warnings += gain_warning(self.model, self.balance.gain)
         state.warnings += fibres_warning(self.model, self.balance.drift)
         if self.spec.dt is None:
             state.warnings += wound_warning(self.model, state.d)
@@ -340,44 +328,6 @@ class Run:
         self.inverted = checkpoint["inverted"].tobytes().decode() or None
         if self.estimate is not None:
             self.estimate.resume(checkpoint)
-
-
-def wound_warning(model: Model, d: Array) -> list[str]:
-    """Return a warning if rotations have grown far beyond all displacements under adaptive steps.
-
-    Local errors are relative to the largest displacement, and an angle counts as the displacement that it causes: after
-    many turns, this exceeds the displacement of every point by far.
-    """
-    angles = np.concatenate([mesh.kinds == 2 for mesh in model.meshes.values()])
-    moved = model.weights * np.abs(d[:model.n_q])
-    wound = float(np.max(moved, where=angles, initial=0.0))
-    share = wound / max(float(np.max(moved, where=~angles, initial=0.0)), model.extent)
-    if share <= ROTATIONS_ALLOWED:
-        return []
-    return ["the error of the steps is larger than the tolerance suggests: the tolerance is relative to the largest "
-            f"displacement, including rotations, which is {share:.2g} times the largest displacement of a point. Use a "
-            "tolerance as many times smaller, or a type without angles as coordinates, such as vallejo"]
-
-
-def drift_warning(drift: float, estimate: float | None, struck: bool) -> list[str]:
-    """Return a warning if the error of the energy balance is much larger than the estimated error."""
-    if estimate is None or drift <= max(DRIFT_ALLOWED, 10.0 * estimate):
-        return []
-    if struck:
-        return [f"impacts start vibrations that the method damps where the steps do not resolve them: the energy "
-                f"balance has an error of {100 * drift:.2g} %, and the estimated error of displacements is "
-                f"{100 * estimate:.2g} %. Shorter steps, or a smaller tolerance, keep more of the vibrations; a "
-                "contact law softens impacts"]
-    return [f"the steps are too long for part of the motion: the energy balance has an error of {100 * drift:.2g} %, "
-            f"but the estimated error is only {100 * estimate:.2g} %. Use shorter steps to find out which is right"]
-
-
-def fibres_warning(model: Model, drift: float) -> list[str]:
-    """Return a warning if the energy balance is far off in a model with fibres that yield."""
-    if drift <= FIBRE_DRIFT_ALLOWED or not model.hardens:
-        return []
-    return [f"the energy balance is off by {100 * drift:.2g} %: fibres remember the peaks of vibrations that steps do "
-            "not resolve. Use shorter steps, or radau5, which damps them"]
 
 
 def solve_dynamic(model: Model, spec: Dynamic, checkpoint: dict[str, Array] | None = None) -> Iterator[State]:

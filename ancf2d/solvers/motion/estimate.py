@@ -23,7 +23,7 @@ from ...processors import threads
 from ..state import Row
 from ..system import least_motion, least_size, sticks
 from .stepping import Stepper
-from .tolerance_warning import missed_tolerance
+from .warnings import missed_tolerance
 
 LEVELS = 2
 # factor between levels: of fixed steps, or of the tolerance of adaptive steps
@@ -348,8 +348,8 @@ def _order(ratio: float, first: float, second: float, highest: int) -> float:
 
 def _apart(stepper: Stepper) -> bool:
     """Return whether steps neither read nor write changing parts of the model, so that motions can run in parallel."""
-    model, answers = stepper.model, stepper.model.feedback
-    return not (model.contacts or answers.rank or answers.conditions or stepper.events or stepper.moving
+    model, feedback = stepper.model, stepper.model.feedback
+    return not (model.contacts or feedback.rank or feedback.conditions or stepper.events or stepper.moving
                 or stepper.facing)
 
 

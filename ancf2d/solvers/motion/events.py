@@ -48,8 +48,8 @@ class Events:
         joints = [(-1 - i, c) for i, c in enumerate(model.interactions.joints) if c.active is not None]
         self.timed = [*_timed(model.interactions.points), *((k, c.active) for k, c in joints)]
         self.gates = [("signals", k, s.amplitude.latch) for k, s in enumerate(signals)
-                      if isinstance(s.amplitude, Gated) and not s.fed]
-        self.gates += [("answers", k, a.amplitude.latch) for k, a in enumerate(model.feedback.answers)
+                      if isinstance(s.amplitude, Gated) and not s.feedback]
+        self.gates += [("feedback", k, a.amplitude.latch) for k, a in enumerate(model.feedback.signals)
                        if isinstance(a.amplitude, Gated)]
         self.cuts: list[float] = []
         self.switched = [(k, c) for k, c in _numbered(model.interactions.points)
@@ -112,7 +112,7 @@ class Events:
         motion = self.motion
         found = check_conditions(motion.p, motion.w, motion.s.z, motion.s.v, motion.t)
         if found == NO_VALUE:
-            motion.answers.check(0.0)
+            motion.feedback.check(0.0)
         return bool(found != NONE)
 
     def begin(self) -> None:

@@ -38,9 +38,9 @@ NEAR = 1e-6
 def check_signals(motion: Any, t: float) -> None:
     """Raise a ComputationError if an expression has no value at t."""
     for signal in motion.signals:
-        if not signal.fed:
+        if not signal.feedback:
             signal(t)
-    motion.answers.check(t - motion.t)
+    motion.feedback.check(t - motion.t)
 
 
 def check_joints(motion: Any, row: Row) -> None:
@@ -92,7 +92,7 @@ def failure(motion: Any, outcome: int) -> ComputationError:
             f"{motion.model.case.units.labels[2]}"
         return ComputationError(
             f"the motion grows without bound: {how}", at=at,
-            advice="look at what feeds it: a controller or a load that answers the motion and makes it unstable, or "
+            advice="look at what feeds it: a controller or a load that depends on the motion and makes it unstable, or "
             "constants that are far too large")
     near = _driven_near(motion)
     if outcome == INTO_SUPPORTS or near:

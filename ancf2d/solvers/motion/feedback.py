@@ -15,18 +15,18 @@ from ...model.point_patch import check_formulas
 from ..state import Row
 
 
-class Answers:
+class MotionFeedback:
     """The feedback of a motion (``stepping.Stepper``)."""
 
     def __init__(self, motion: Any) -> None:
-        self.motion, self.feedback = motion, motion.model.feedback
+        self.motion, self.of_model = motion, motion.model.feedback
 
     def count_angles(self, p: Record, d: Array, turned: Array) -> None:
         """Set the counted angles that feedback depends on to those at d (n_full,)."""
         model = self.motion.model
         d = d[:model.n_q]
         # a controller that nothing uses reads no angles
-        for k, q in enumerate(self.feedback.quantities[:len(p.feedback.last_angle)]):
+        for k, q in enumerate(self.of_model.quantities[:len(p.feedback.last_angle)]):
             if q.rotation is not None and q.kind == ANGLE:
                 p.feedback.last_angle[k] = model.turns.theta(q.rotation, model.e0 + d, d, turned)
 
@@ -46,12 +46,12 @@ class Answers:
 
     def begin(self) -> None:
         """Set the initial values of controllers' states, from the initial motion that supports and joints allow."""
-        if not self.feedback.states:
+        if not self.of_model.states:
             return
         motion = self.motion
         s, inner, row = motion.s, motion.p.inner, motion.current_row()
         d, v, _ = motion.full(row)
-        s.z[inner:] = self.feedback.initial(d, v, motion.model.turns.at(d, row.turned))
+        s.z[inner:] = self.of_model.initial(d, v, motion.model.turns.at(d, row.turned))
         self.sample(0.0)
         motion.consistent(0.0, np.zeros(len(s.z)))
         # states that start at zero are scaled by the value that they reach soon
@@ -66,26 +66,26 @@ class Answers:
 
     def sample(self, t: float) -> bool:
         """Update the sampled controllers that are due at t; return whether there are any."""
-        due = self.feedback.due(t)
+        due = self.of_model.due(t)
         if due:
             motion = self.motion
-            motion.s.z[motion.p.inner:] = self.feedback.sample(t, due, self.values_at(motion.current_row()))
+            motion.s.z[motion.p.inner:] = self.of_model.sample(t, due, self.values_at(motion.current_row()))
         return bool(due)
 
     def values_at(self, row: Row) -> Array:
         """Return the quantities that feedback depends on and the controllers' states, at a state."""
         motion = self.motion
         d, v, _ = motion.full(row)
-        return np.asarray(self.feedback.values(d, v, motion.model.turns.at(d, row.turned), row.z[motion.p.inner:]))
+        return np.asarray(self.of_model.values(d, v, motion.model.turns.at(d, row.turned), row.z[motion.p.inner:]))
 
     def update_model(self, row: Row) -> dict[str, dict[str, float]]:
         """Set the model's latches and feedback loads to a state; return outputs and states of controllers there."""
         self.motion.events.update_model(row.turns)
-        if not self.feedback.answers and not self.feedback.controllers:
+        if not self.of_model.signals and not self.of_model.controllers:
             return {}
         values = self.values_at(row)
-        self.feedback.evaluate_signals(row.side, values)
-        return dict(self.feedback.outputs(row.side, values))
+        self.of_model.evaluate_signals(row.side, values)
+        return dict(self.of_model.outputs(row.side, values))
 
     def check(self, h: float) -> None:
         """Raise a ComputationError if an expression has no value here, or at the state extrapolated over h."""
@@ -105,7 +105,7 @@ class Answers:
             d, v = (np.where(np.isfinite(step), q + step, q) for q, step in (
                 (d, x * v + 0.5 * x * x * a), (v, x * a)))
             states = row.z[inner:] + x * row.v[inner:]
-            self.feedback.check(motion.t + x, self.feedback.values(d, v, turned, states))
+            self.of_model.check(motion.t + x, self.of_model.values(d, v, turned, states))
             check_formulas(model.interactions.points, d, v, motion.t + x)
 
     def resume(self, sizes: Array) -> None:

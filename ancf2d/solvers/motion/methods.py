@@ -52,7 +52,7 @@ from ...kernels.motion.switching import (
 )
 from ...kernels.motion.work import work
 from ...model.mesh import Index
-from .schemes import Integrator, spectral_radius
+from .integrators import Integrator, spectral_radius
 
 MAX_ITERATIONS = 12
 # tolerance of Newton's increments, relative to the size of the motion

@@ -22,7 +22,7 @@ from ..linear import dense
 from . import stepping
 from .breaks import pass_break
 from .failures import stuck
-from .schemes import SCHEMES
+from .integrators import SCIPY_METHODS
 from .stepping import LOG, Row, Stepper
 
 # the smallest relative tolerance that SciPy accepts
@@ -57,7 +57,7 @@ class OdeStepper(Stepper):
     def __init__(self, model: Model, problem: Any, signals: list[Any], spec: Dynamic, dt: float, wanted: Array,
                  every: int = 0) -> None:
         super().__init__(model, problem, signals, spec, dt, wanted, every)
-        self.scheme = SCHEMES[self.method.name]
+        self.scipy = SCIPY_METHODS[self.method.name]
         self.tolerance = spec.local_error
         n = len(self.p.coordinate)
         self.free = np.flatnonzero(self.p.coordinate)
@@ -118,14 +118,14 @@ class OdeStepper(Stepper):
         self.begun, self.struck = self.scale.copy(), self._struck()
         y = np.concatenate([self.s.z[self.free], self.s.v[self.free]])
         longest = min(self.dt or np.inf, self._largest())
-        more: dict[str, Any] = {"jac": self.jacobian} if self.scheme.jacobian else {}
+        more: dict[str, Any] = {"jac": self.jacobian} if self.scipy.jacobian else {}
         # SciPy's own choice of the first step depends on the unit of time
         more["first_step"] = min(self.first_step(), longest, 0.5 * (stop - self.t))
         solver = getattr(integrate, self.method.name)(self.rates, self.t, y, stop, max_step=longest,
                                                       rtol=self._share(), atol=self._weights(), **more)
         if first is not None:
             solver.h_abs = first
-        elif self.scheme.keeps and self.s.numbers[STEP_SIZE] > 0.0:
+        elif self.scipy.keeps and self.s.numbers[STEP_SIZE] > 0.0:
             solver.h_abs = float(self.s.numbers[STEP_SIZE])
         return solver
 
@@ -177,7 +177,7 @@ class OdeStepper(Stepper):
         if self._struck() != self.struck:
             self.solver = self._begin(self.pieces[self.piece].stop)
         solver, t, evaluations = self.solver, self.t, self.solver.nfev
-        if not self.scheme.fixed:
+        if not self.scipy.fixed:
             solver.rtol, solver.atol = self._share(), self._weights()
         message = solver.step()
         if solver.status == "failed" or not np.isfinite(solver.y).all():
@@ -208,7 +208,7 @@ class OdeStepper(Stepper):
         if lands:
             self._restart()
             self.s.numbers[STEP_SIZE] = AFTER_ENGAGEMENT * h
-        tries = evaluations // self.scheme.stages if self.scheme.stages else 1
+        tries = evaluations // self.scipy.stages if self.scipy.stages else 1
         self.log.append([self.s.numbers[COUNT], solver.t, h, evaluations, tries - 1, error, worst])
         for x, y, work, turned in states:
             self._store(found, x, INSIDE, y, work, turned)
@@ -233,7 +233,7 @@ class OdeStepper(Stepper):
                 return path
             if found <= t + near:
                 return None
-            if not self.scheme.one_step:
+            if not self.scipy.one_step:
                 solver.t, solver.y, solver.status = found, path(found), "running"
                 return path
             self.solver = self._begin(min(found, self.pieces[self.piece].stop), found - t)
@@ -250,13 +250,13 @@ class OdeStepper(Stepper):
         for k in range(STOP_TRIES):
             solver = self.solver
             # stages that are not part of the solution may engage a stop, which spoils interpolations of high order
-            path = cubic(solver.t_old, solver.y_old, solver.t, solver.y) if self.scheme.one_step else (
+            path = cubic(solver.t_old, solver.y_old, solver.t, solver.y) if self.scipy.one_step else (
                 solver.dense_output())
             found = self._first_change(path, t, solver.t)
             # in an implicit step, a stiff stop holds the end of the step at the place where it engages
-            if found is None or ((k > 0 or not self.scheme.one_step) and solver.t - found <= AT_END * (solver.t - t)):
+            if found is None or ((k > 0 or not self.scipy.one_step) and solver.t - found <= AT_END * (solver.t - t)):
                 return solver.dense_output() if k > 0 or found is not None else None, found is not None
-            if not self.scheme.one_step:
+            if not self.scipy.one_step:
                 solver.t, solver.y, solver.status = found, path(found), "running"
                 return path, True
             found = min(found, t + LARGEST_RETRY * (solver.t - t)) if k == 0 else found
@@ -338,14 +338,14 @@ class OdeStepper(Stepper):
         self.scale = np.maximum(self.scale, [np.max(weights * np.abs(x), initial=0.0) for x in (s.z, s.v)])
         s.numbers[SIZE] = self.scale[0]
         short = solver.status == "finished" and solver.t < self.pieces[self.piece].stop
-        if short or (self.scheme.fixed and np.any(self.scale > 2.0 * self.begun)):
+        if short or (self.scipy.fixed and np.any(self.scale > 2.0 * self.begun)):
             self.solver = None
         return worst
 
     def _local_error(self, h: float) -> float:
         """Return the local error of the step relative to the size of the motion, or SciPy's own bound on it."""
         solver, m = self.solver, len(self.free)
-        if self.scheme.stages == 0:
+        if self.scipy.stages == 0:
             return self.tolerance
         if hasattr(solver, "E5"):
             # Hairer, Norsett & Wanner 1993, Sec. II.10: two estimates combined
@@ -389,7 +389,7 @@ class OdeStepper(Stepper):
 
     def checkpoint(self) -> dict[str, Array] | None:
         """Return everything that the motion needs to go on, or None if SciPy's method does not allow that."""
-        kept = super().checkpoint() if self.scheme.keeps else None
+        kept = super().checkpoint() if self.scipy.keeps else None
         return kept and {**kept, "scale": self.scale.copy()}
 
     def resume(self, kept: dict[str, Array]) -> None:

@@ -47,8 +47,8 @@ from ...model.model import Model
 from ...model.timing import Signal
 from ..energy import is_constant
 from ..linear import full_mass, unknowns_to_coordinates
+from .integrators import INTEGRATORS, Integrator, default_method
 from .methods import MAKERS, Method
-from .schemes import INTEGRATORS, Integrator, default_method
 from .tables import (
     Signals,
     assembled_laws,
@@ -70,7 +70,7 @@ def _method(model: Model) -> Integrator:
     return INTEGRATORS[getattr(model.case.solver, "method", None) or default_method(model)]
 
 
-def functions(model: Model, constant: bool) -> dict[Any, tuple[Any, ...]]:
+def called_functions(model: Model, constant: bool) -> dict[Any, tuple[Any, ...]]:
     """Return the functions that the kernels of a model's motion call by address (``kernels.calls``).
 
     ``constant``: whether no signal depends on time.
@@ -80,9 +80,9 @@ def functions(model: Model, constant: bool) -> dict[Any, tuple[Any, ...]]:
     slides, acts = any(isinstance(c, OnAxis) for c in model.constraints), bool(model.interactions.points)
     faces = any(pair.on_bodies for pair in model.contacts)
     moving = [p for p in model.interactions.points if isinstance(p, MovingPatch)]
-    answers = feedback_functions(fronts, layout) if model.feedback.rank else {}
+    feedback = feedback_functions(fronts, layout) if model.feedback.rank else {}
     # in the order of compilation: feedback first, because its tangent uses the same parts
-    return {**answers, **dynamic_functions(constant, layout), **matrix_functions(fronts, layout),
+    return {**feedback, **dynamic_functions(constant, layout), **matrix_functions(fronts, layout),
             **element_functions(fronts, viscous, method.conserves, bool(model.loads.natural), bool(model.remembers),
                                 layout),
             **patch_functions(fronts, acts, slides, faces, method.conserves, layout),
@@ -92,7 +92,7 @@ def functions(model: Model, constant: bool) -> dict[Any, tuple[Any, ...]]:
             **({calls.consistent: (consistent, layout)} if method.conserves else {}),
             **(ode_functions(layout) if method.scipy is not None else {}),
             **(event_functions(layout, (feedback_accept, layout)) if model.feedback.conditions else {}),
-            **(stop_functions(layout) if len(stops_of(model)) and method.scipy is None else {}), **answers}
+            **(stop_functions(layout) if len(stops_of(model)) and method.scipy is None else {}), **feedback}
 
 
 @cache
@@ -136,7 +136,7 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     patched = len(data["points"].mem) > 0 or len(data["sliding"].multiplier) > 0
     data |= _feedback(model, data, signals)
     found = signals.programs()
-    p = Record(Problem(programs=found, calls=table(functions(model, are_constant(found))), patched=patched,
+    p = Record(Problem(programs=found, calls=table(called_functions(model, are_constant(found))), patched=patched,
                        touches=bool(model.contacts), sided=model.sided, **data))
     if p.layout != empty_problem().layout:
         raise TypeError(f"a problem of another type: {p.layout}")
@@ -150,7 +150,7 @@ def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str,
     if found.rank == 0 and not found.conditions:
         return {"feedback": no_feedback(programs([])), "inner": n, "rank": 0, "least_iterations": 1}
     clock = signals.row(Signal(Expression("t")))
-    rows = np.array([signals.row(a) for a in found.answers], dtype=np.int64)
+    rows = np.array([signals.row(a) for a in found.signals], dtype=np.int64)
     columns = np.zeros((len(rows), n + m))
     items = [np.flatnonzero(data["points"].signal[:, 0] == row) for row in rows]
     for column, row in zip(columns, rows, strict=True):
@@ -167,7 +167,7 @@ def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str,
 
     def longer(x: Array, value: float = 0.0) -> Array:
         return np.ascontiguousarray(np.pad(x, [(0, 0)] * (x.ndim - 1) + [(0, m)], constant_values=value))
-    tail, own = tail_size(n + m, found.rank, m), len(found.answers) + m
+    tail, own = tail_size(n + m, found.rank, m), len(found.signals) + m
     moving = data["moving"]
     # if nothing is free to move, the mass matrix is empty, too
     mass, fixed = (np.concatenate([x, np.zeros(k)])
@@ -272,7 +272,7 @@ def motion_compilations(model: Model, spec: Dynamic) -> list[Compilation]:
     works = tracks_work(model)
     own = calls.compilations(Method(name, spec, p, 0.0, model.relaxing, works).functions) if name in MAKERS else []
     # if this guess is wrong, missing functions are compiled when the problem is made
-    called = functions(model, not (works or model.feedback.rank))
+    called = called_functions(model, not (works or model.feedback.rank))
     slides = calls.sliding_forces in called
     return [*element_compilations(model), *own, *_called_from_python(p.layout, name in MAKERS, slides, model.sided),
             *([partial(check_conditions.compile, _condition_types(p.layout))] if model.feedback.conditions else []),

@@ -37,12 +37,12 @@ from ..system import least_size
 from .breaks import MovingPoints, impulse_of_dependents, pass_break
 from .events import Events
 from .failures import check_signals, cut_off, failure, fastest
-from .feedback import Answers
+from .feedback import MotionFeedback
 from .impacts import COLUMNS, Impacts
 from .initial import continues_from_file
+from .integrators import INTEGRATORS, default_method
 from .methods import MAKERS, Method, newton_tolerance
 from .problem import driving_signals, tracks_work, with_own_tables
-from .schemes import INTEGRATORS, default_method
 
 # approximate duration of a call of the kernels [s], for progress bars and interrupts
 CHUNK_SECONDS = 0.2
@@ -75,7 +75,7 @@ class Stepper:
         self.s = Record(motion(n, self.method.rows, len(self.p.turning.length), remembered))
         self.s.numbers[STEP_SIZE] = self.dt = dt
         self.wanted, self.every, self.next_wanted = wanted, every, 0
-        self.moving, self.answers, feedback = MovingPoints(model, spec.t_end), Answers(self), model.feedback
+        self.moving, self.feedback, feedback = MovingPoints(model, spec.t_end), MotionFeedback(self), model.feedback
         self.events, self.impacts = Events(self), Impacts(model)
         ends = self.events.breaks(spec.t_end)
         self.moving.times -= {b.t for b in ends}
@@ -137,7 +137,7 @@ class Stepper:
         """
         self._begin_from(d, v, turned)
         self.s.numbers[SIZE] = least_size(self.model, self.tolerance if self.dt == 0.0 else 0.0)
-        self.answers.set_weights()
+        self.feedback.set_weights()
         if self.dt == 0.0:
             self.s.numbers[STEP_SIZE] = self.first_step()
 
@@ -146,7 +146,7 @@ class Stepper:
         given = self.s.v.copy()
         self.events.hold_engaged(self.events.acting())
         self.consistent(0.0, impulse_of_dependents(self, v))
-        self.answers.begin()
+        self.feedback.begin()
         self.events.begin()
         if self.method.conserves and continues_from_file(self.model):
             # rates that conserve the energy satisfy constraints only in the mean of steps
@@ -156,7 +156,7 @@ class Stepper:
         model, n_q = self.model, self.model.n_q
         inner = self.p.inner
         self.s.z[:inner], self.s.v[:inner] = d[self.p.full[:inner]], v[self.p.full[:inner]]
-        self.answers.count_angles(self.p, d, turned)
+        self.feedback.count_angles(self.p, d, turned)
         self.p.states[:] = model.states
         self.s.turned[0] = turned[model.turns.counted]
         model.turns.set_spring_angles(model.springs, model.e0 + d[:n_q], d[:n_q], turned)
@@ -212,7 +212,7 @@ class Stepper:
     def set_size(self, size: float) -> None:
         """Set the displacement [m] that local errors of adaptive steps are relative to, at least."""
         self.s.numbers[SIZE] = max(size, least_size(self.model, self.tolerance))
-        self.answers.set_weights()
+        self.feedback.set_weights()
         self.s.numbers[STEP_SIZE] = self.first_step()
 
     @property
@@ -294,7 +294,7 @@ class Stepper:
             rows.append(Row(float(t[k]), float(side[k]), int(kind[k]), z[k], v[k], a[k], *work[k].tolist(),
                             *(x[k] for x in memory), log[first:last].copy()))  # type: ignore[call-arg]
             first = last
-        if rows and not self.answers.counts_angles:
+        if rows and not self.feedback.counts_angles:
             self._switch_items(self.evaluation_problem, piece)
             self._read(self.reads_forces, rows, side, kind, z, v, a, *memory[:3])
         found += rows
@@ -367,7 +367,7 @@ class Stepper:
         self.evaluation_problem.states[:] = row.states
         if self.moving or self.events:
             self._switch_items(self.evaluation_problem, piece_at(self.pieces, row.side))
-        self.answers.recall_angles(self.evaluation_problem, row)
+        self.feedback.recall_angles(self.evaluation_problem, row)
         return self.evaluation_problem
 
     # ------------------------------------------------------------------ checkpoints
@@ -391,4 +391,4 @@ class Stepper:
         self.enter(int(checkpoint["places"][1]))
         for values, name in zip(self._memory(), MEMORIES, strict=True):
             values[:] = checkpoint[name]
-        self.answers.resume(checkpoint["sizes"])
+        self.feedback.resume(checkpoint["sizes"])

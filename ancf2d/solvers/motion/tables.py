@@ -37,7 +37,7 @@ class Signals:
 
     def programs(self) -> Any:
         """Return the programs that evaluate the signals."""
-        return programs(((None, 0.0, 0.0) if s.fed else (s.amplitude, s.factor, s.offset)
+        return programs(((None, 0.0, 0.0) if s.feedback else (s.amplitude, s.factor, s.offset)
                          for s in self.all), {k for k, s in enumerate(self.all) if s.clocked})
 
 

@@ -20,9 +20,10 @@ from ...model.point_patch import PointConstraint
 from ...model.points import PointRef
 from ...model.rotation import Rotation
 from ...model.timing import InputMotion
+from ...quantities import FORCES
 from ..element_loads import influencing_coordinates
 from ..linear import full_mass
-from ..post import FORCES, asks_for_forces, velocity_of
+from ..post import asks_for_forces, velocity_of
 from ..section_forces import SectionForces, has_section_forces
 from ..state import State
 from .linearised import Linearised, Relaxing

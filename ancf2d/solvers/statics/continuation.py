@@ -234,12 +234,12 @@ class Curve:
         """
         touching = memory(self.model)
         try:
-            return self._settled(control, d, t, self._slid)
+            return self._settled(control, d, t, self._with_moving_places)
         except ComputationError:
             if not any(pair.hard and pair.places_move for pair in self.model.contacts):
                 raise
             restore_memory(self.model, touching)
-            return self._settled(control, d, t, self._stood)
+            return self._settled(control, d, t, self._with_fixed_places)
 
     def _settled(self, control: Control, d: Array, t: float,
                  find: Callable[[Control, Array, float, PlaceHistory], Found]) -> Found:
@@ -247,7 +247,7 @@ class Curve:
         self.system.count_from(self.turns)
         history = PlaceHistory()
         found = find(control, d, t, history)
-        self.system.along = partial(self._answers, control)
+        self.system.along = partial(self._response, control)
         for _ in range(ROUNDS):
             changed, worst = update_active_set(self.system, found.d, found.t, history)
             if not changed:
@@ -277,23 +277,23 @@ class Curve:
         if apart:
             restore_memory(self.model, touching)
 
-    def _answers(self, control: Control, d: Array, t: float) -> Callable[[Array], Array]:
+    def _response(self, control: Control, d: Array, t: float) -> Callable[[Array], Array]:
         """Return the function that gives the response to forces while the load factor follows the control."""
         solve = self.system.matrix.solve
         by_load = -solve(self.load_rate(d, t))
         _, gradient, by_t = control.evaluate(d, t)
         slope = by_t + float(gradient @ by_load)
 
-        def answer(b: Array) -> Array:
+        def response(b: Array) -> Array:
             z = solve(b)
             return np.asarray(z - float(gradient @ z) / slope * by_load)
-        return answer
+        return response
 
-    def _stood(self, control: Control, d: Array, t: float, history: PlaceHistory) -> Found:
+    def _with_fixed_places(self, control: Control, d: Array, t: float, history: PlaceHistory) -> Found:
         """Same as ``_corrected``, with all contact places fixed."""
         return self._corrected(control, d, t)
 
-    def _slid(self, control: Control, d: Array, t: float, history: PlaceHistory) -> Found:
+    def _with_moving_places(self, control: Control, d: Array, t: float, history: PlaceHistory) -> Found:
         """Same as ``_corrected``, with the places of lift-off moving along."""
         slid = release_places([one for one in self.model.contact_tables if one.pair.hard], history)
         found = self._corrected(control, d, t)

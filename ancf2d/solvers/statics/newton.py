@@ -152,7 +152,7 @@ def _newton(system: System, d: Array, t_old: float | None, t: float, tolerance: 
         # such small corrections are lost in the round-off of the coordinates
         nothing = max(increments[-2:]) <= UNIT_ROUNDOFF * system.model.extent
         stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
-        if stalled and (nothing or shaken(system, increments) or at_floor(balance.R, system.noise(d, t))):
+        if stalled and (nothing or only_position_noise(system, increments) or at_floor(balance.R, system.noise(d, t))):
             uncertainty = min(increments[-2:])
             break
         np.add(d[num.where], uncycled(z, increments, system.model), out=z)
@@ -175,7 +175,7 @@ def _newton(system: System, d: Array, t_old: float | None, t: float, tolerance: 
                         first, pivots.negative - num.n_multipliers, uncertainty)
 
 
-def shaken(system: System, increments: list[float]) -> bool:
+def only_position_noise(system: System, increments: list[float]) -> bool:
     """Return whether the increments are round-off of positions, amplified by the stiff springs of sticking points."""
     return max(increments[-2:]) <= STILL * system.model.extent and sticks(system.model)
 

@@ -17,7 +17,7 @@ from ..contact import memory, restore_memory
 from ..state import State, check_checkpoint
 from ..system import UNIT_ROUNDOFF, System, Turned
 from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, check_sound, negative_pivots, newton, state_of
-from .static import BEYOND, March
+from .static import BEYOND, LoadSteps
 from .step_control import Path
 
 # shares of the whole time: first step, and step too short to go on
@@ -53,14 +53,14 @@ class Course:
         self.model, self.spec, self.system = model, spec, System(model)
         self.close = min(TOLERANCE, CLOSE * spec.tolerance)
         self.iterations = spec.max_iterations or MAX_ITERATIONS
-        self.march = March(self.system, 1.0 / LOAD_STEPS, self.close, self.iterations)
+        self.load_steps = LoadSteps(self.system, 1.0 / LOAD_STEPS, self.close, self.iterations)
         self.longest = spec.t_end / (spec.steps or TIME_STEPS)
         self.t, self.number, self.refused = 0.0, 0, 0
         # next step, number of breaks passed, and time of the last one
         self.h, self.passed, self.begin = FIRST * spec.t_end, 0, 0.0
         # largest displacement so far [m], and largest force on supports [N]
         self.size, self.force = 0.0, 0.0
-        self.path = Path([0.0], [self.march.d])
+        self.path = Path([0.0], [self.load_steps.d])
         self.fades = _fading(model)
         # relaxing materials are strained by prescribed coordinates, too: coordinates (k,) that are not unknowns, and
         # the displacement of a unit of each
@@ -76,7 +76,7 @@ class Course:
         """
         if kept is None:
             self.model.set_step(0.0)
-            iterations, warnings = self.march.settle()
+            iterations, warnings = self.load_steps.settle()
             self.system.balancing_forces = None
             yield self._at_rest(iterations, warnings)
         else:
@@ -90,7 +90,7 @@ class Course:
         for b in case_stops(case, 0.0, end, turns, wanted)[self.passed:]:
             yield from self._go(b.before if b.order == 0 else b.t)
             state = self._jump(b.t) if b.order == 0 else None
-            self.path = Path([self.t], [self.march.d])
+            self.path = Path([self.t], [self.load_steps.d])
             if b.order < SMOOTH:
                 self.begin, self.h = self.t, FIRST * self.spec.t_end
             self.passed += 1
@@ -101,22 +101,22 @@ class Course:
     def checkpoint(self) -> dict[str, Array]:
         """Return everything that the computation needs to go on."""
         accepted = self.system.accepted
-        turns = {f"{name}/{k}": x for name, pair in (("turns", self.system.turns()), ("march", self.march.turns))
-                 for k, x in enumerate(pair)}
+        pairs = {"turns": self.system.turns(), "load_steps": self.load_steps.turns}
+        turns = {f"{name}/{k}": x for name, pair in pairs.items() for k, x in enumerate(pair)}
         # the path ends at d; rows contain d, or the accepted state, and its time
         before, last = list(zip(self.path.d, self.path.t, strict=True))[:-1], [] if accepted is None else [accepted]
         return {"numbers": np.array([self.t, self.h, self.begin, self.size, self.force]),
-                "counts": np.array([self.number, self.refused, self.passed, self.march.negative]),
-                "d": self.march.d, "states": self.model.states.copy(), **turns,
-                **{name: np.array([np.append(*row) for row in rows]).reshape(-1, len(self.march.d) + 1)
+                "counts": np.array([self.number, self.refused, self.passed, self.load_steps.negative]),
+                "d": self.load_steps.d, "states": self.model.states.copy(), **turns,
+                **{name: np.array([np.append(*row) for row in rows]).reshape(-1, len(self.load_steps.d) + 1)
                    for name, rows in (("path", before), ("accepted", last))},
                 **{f"contact/{k}": mem for k, mem in enumerate(memory(self.model))}}
 
     def _resume(self, kept: dict[str, Array]) -> None:
         self.t, self.h, self.begin, self.size, self.force = kept["numbers"].tolist()
-        self.number, self.refused, self.passed, self.march.negative = kept["counts"].tolist()
+        self.number, self.refused, self.passed, self.load_steps.negative = kept["counts"].tolist()
         self.path = Path([*kept["path"][:, -1].tolist(), self.t], [*kept["path"][:, :-1], kept["d"]])
-        self.march.d, self.march.turns = kept["d"], (kept["march/0"], kept["march/1"])
+        self.load_steps.d, self.load_steps.turns = kept["d"], (kept["load_steps/0"], kept["load_steps/1"])
         self.system.count_from((kept["turns/0"], kept["turns/1"]))
         self.system.accepted = next(((row[:-1], float(row[-1])) for row in kept["accepted"]), None)
         self.model.states[:] = kept["states"]
@@ -124,11 +124,11 @@ class Course:
 
     def _at_rest(self, iterations: int, warnings: list[str]) -> State:
         """Return the state at the current equilibrium."""
-        state = self.march.resting(self.t)
+        state = self.load_steps.state(self.t)
         self._count(state.d)
         state.history.update(step=self.number, iterations=iterations)
         state.warnings = warnings + state.warnings
-        self.path = Path([self.t], [self.march.d])
+        self.path = Path([self.t], [self.load_steps.d])
         return state
 
     def _count(self, d: Array) -> None:
@@ -139,7 +139,7 @@ class Course:
         """Return the instantaneous equilibrium after a jump of loads or motions at t."""
         before, self.t = self.t, t
         self.model.set_step(0.0)
-        found = self.march.jump(before, t)
+        found = self.load_steps.jump(before, t)
         self.system.balancing_forces = None
         return self._at_rest(*found)
 
@@ -225,14 +225,14 @@ class Course:
         self.t = t
         self._count(result.d)
         self.force = max(self.force, self._force(result))
-        if result.negative_pivots != self.march.negative:
+        if result.negative_pivots != self.load_steps.negative:
             result.negative_pivots = negative_pivots(self.system, result.d, t)
-        state = state_of(self.system, result, t, self.number - 1, 0, self.march.stability(result, t))
-        self.march.negative = result.negative_pivots
+        state = state_of(self.system, result, t, self.number - 1, 0, self.load_steps.stability(result, t))
+        self.load_steps.negative = result.negative_pivots
         self.system.accept(result.d, t)
         # quantities evaluated next belong to this time
         self.model.set_step(0.0)
-        self.march.stand(result.d)
+        self.load_steps.continue_from(result.d)
         self.path.push(t, result.d)
         return state
 

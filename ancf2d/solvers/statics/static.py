@@ -32,7 +32,7 @@ from .newton import (
     newton,
     state_of,
 )
-from .step_control import Jumps, Path, Stride
+from .step_control import Jumps, Path, StepSizes
 
 # a singular tangent within this share of the load factor after an equilibrium indicates a critical load
 NEXT = 1e-3
@@ -63,42 +63,43 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
     if near is not None:
         yield state_of(system, near, end, 1, 0, [])
         return
-    march = March(system, 1.0 / (steps or LOAD_STEPS), tolerance, max_iterations)
+    load_steps = LoadSteps(system, 1.0 / (steps or LOAD_STEPS), tolerance, max_iterations)
     soft = end != 0.0 and slack(model)
     failed: ComputationError | None = None
     try:
         if model.hangs:
             raise ComputationError("only gravity holds the model", at={"factor": 0.0})
-        if (yield from _steps(march, end, factors, soft)):
+        if (yield from _steps(load_steps, end, factors, soft)):
             return
     except ComputationError as error:
         # contacts may hold the model once it has fallen on them, and tendons once they are tight
         if end != 0.0 and tethered(model):
-            march.begin()
+            load_steps.begin()
             failed = error
-        elif march.load.factor == 0.0 != end and model.contacts and can_hang(model.case):
+        elif load_steps.load.factor == 0.0 != end and model.contacts and can_hang(model.case):
             failed = error
         elif not (model.hangs or soft):
             raise
-    march.take(Load(end, 1.0))
+    load_steps.apply(Load(end, 1.0))
     why = [FALLS] if failed else [] if model.hangs else [FELL]
     try:
-        yield hanging(system, march.d, (march.load.factor, end), tolerance, max_iterations, why)
+        yield hanging(system, load_steps.d, (load_steps.load.factor, end), tolerance, max_iterations, why)
     except ComputationError as error:
         # it does not come to rest on them either
         raise failed or error from None
 
 
-def _steps(march: March, end: float, factors: Sequence[float], soft: bool) -> Generator[State, None, bool]:
+def _steps(load_steps: LoadSteps, end: float, factors: Sequence[float], soft: bool) -> Generator[State, None, bool]:
     """Yield a state per step; return False if the steps stopped because a ``soft`` model became unstable."""
-    model = march.model
+    model = load_steps.model
     corners = _stops(model, end) if model.remembers and end > 0.0 else []
     stops = sorted(f / end for f in factors if f != 0.0)
-    iterations, warnings = march.settle()
+    iterations, warnings = load_steps.settle()
     if end != 0.0 and 0.0 in factors:
-        yield march.resting()
-    for state in march.go(Load(0.0, 1.0), Load(end, 1.0), corners, stops) if end != 0.0 else [march.resting()]:
-        if soft and state.history["negative_pivots"] > 0 and march.system.knows_inertia:
+        yield load_steps.state()
+    rest = [load_steps.state()] if end == 0.0 else load_steps.states(Load(0.0, 1.0), Load(end, 1.0), corners, stops)
+    for state in rest:
+        if soft and state.history["negative_pivots"] > 0 and load_steps.system.knows_inertia:
             return False
         state.history["iterations"] += iterations
         state.warnings = warnings + state.warnings
@@ -144,7 +145,7 @@ class Load:
         return Load(self.factor + s * (other.factor - self.factor), self.share + s * (other.share - self.share))
 
 
-class March:
+class LoadSteps:
     """Goes from equilibrium to equilibrium by steps of at most ``longest`` of the way; ``d`` is the last one."""
 
     def __init__(self, system: System, longest: float, tolerance: float, max_iterations: int) -> None:
@@ -206,14 +207,14 @@ class March:
 
     def _all(self, begin: Load, end: Load) -> tuple[int, list[str]]:
         """Go from one load to another; return the iterations and the warnings of all steps."""
-        states = list(self.go(begin, end))
+        states = list(self.states(begin, end))
         return sum(int(s.history["iterations"]) for s in states), [w for s in states for w in s.warnings]
 
-    def stand(self, d: Array) -> None:
+    def continue_from(self, d: Array) -> None:
         """Continue from an equilibrium (n_full,) that was found elsewhere."""
         self.d, self.turns, self.held = d, self.system.turns(), None
 
-    def resting(self, t: float = 0.0) -> State:
+    def state(self, t: float = 0.0) -> State:
         """Return the state of the current equilibrium, at a factor or time t."""
         balance = self.system.assemble(self.d, t)
         R = balance.R
@@ -221,7 +222,7 @@ class March:
         result = NewtonResult(self.d, balance.Q, balance.F, balance.energy, largest(R), 0, [], R, negative, 0.0)
         return state_of(self.system, result, t, 1, 0, [])
 
-    def take(self, load: Load) -> None:
+    def apply(self, load: Load) -> None:
         """Apply a load to the current equilibrium."""
         self._set(load, self.turns)
 
@@ -239,14 +240,15 @@ class March:
         for strain in self.model.loads.natural:
             strain.share = share
 
-    def go(self, begin: Load, end: Load, corners: Sequence[float] = (), stops: Sequence[float] = ()) -> Iterator[State]:
+    def states(self, begin: Load, end: Load, corners: Sequence[float] = (), stops: Sequence[float] = ()
+               ) -> Iterator[State]:
         """Yield a state per step from one load to another; steps end at shares ``stops`` and ``corners`` of the way.
 
         After a corner, no extrapolation uses the states before.
         """
-        path, stride, number, old = Path([0.0], [self.d]), Stride(self.longest, [*corners, *stops]), 0, begin
-        while stride.s < 1.0:
-            target = stride.target()
+        path, sizes, number, old = Path([0.0], [self.d]), StepSizes(self.longest, [*corners, *stops]), 0, begin
+        while sizes.s < 1.0:
+            target = sizes.target()
             new = end if target == 1.0 else begin.towards(end, target)
             touched = memory(self.model)
             try:
@@ -257,17 +259,17 @@ class March:
                     result.negative_pivots = negative_pivots(self.system, result.d, new.factor)
             except ComputationError as error:
                 restore_memory(self.model, touched)
-                if not stride.cut(target, isinstance(error, SingularTangentError)) and not self.jumps.accept(error):
+                if not sizes.cut(target, isinstance(error, SingularTangentError)) and not self.jumps.accept(error):
                     raise self._stuck(error, old.factor, number) from error
                 continue
-            if changed and self._bends_away(path, result, old.factor) and stride.corner(target):
+            if changed and self._bends_away(path, result, old.factor) and sizes.corner(target):
                 restore_memory(self.model, touched)
                 continue
             number += 1
             self.system.count_from(turns)
             snap = self.jumps.warning(new.factor)
             stability = snap + self.stability(result, new.factor)
-            state = state_of(self.system, result, new.factor, number, stride.cutbacks, stability)
+            state = state_of(self.system, result, new.factor, number, sizes.cutbacks, stability)
             self.system.accept(result.d, new.factor)
             self.turns = self.system.turns()
             yield state
@@ -275,7 +277,7 @@ class March:
             if target in corners or snap:
                 path = Path([], [])
             path.push(target, result.d)
-            stride.accept(target)
+            sizes.accept(target)
             # long vectors that the next step does not need
             del result, state
 
@@ -290,13 +292,13 @@ class March:
         # be those of unloading, which do not predict the path
         if not model.remembers and sum(result.increments) > 0.5 * self.system.distance(result.d, last):
             turns = result.d, self.system.count(result.d, t)
-            foretold = self._foretold(self.turns, old, new) if not first or result.first is None else result.first
-            self.jumps.check(self.system, last, result.d, foretold, t)
-            self.jumps.check(self.system, result.d, last, self._foretold(turns, new, old), t)
+            predicted = self._predicted(self.turns, old, new) if not first or result.first is None else result.first
+            self.jumps.check(self.system, last, result.d, predicted, t)
+            self.jumps.check(self.system, result.d, last, self._predicted(turns, new, old), t)
             self._set(new, turns)
         return result
 
-    def _foretold(self, state: Turned, here: Load, there: Load) -> Array:
+    def _predicted(self, state: Turned, here: Load, there: Load) -> Array:
         """Return the change of the unknowns (n_unknowns,) for a change of load, by the tangent at an equilibrium.
 
         Tendons that are wound up may be slack under the other load, which says nothing of the path to it.

@@ -54,7 +54,7 @@ class Path:
         self.t, self.d = [*self.t[-2:], t], [*self.d[-2:], d]
 
 
-class Stride:
+class StepSizes:
     """Step sizes on a way s from 0 to 1: failed steps are cut, and grow again after easy ones.
 
     A step ends at each of ``stops``.
@@ -132,12 +132,12 @@ class Jumps:
     def __init__(self, model: Model) -> None:
         self.model, self.accepting, self.moved = model, False, 0.0
 
-    def check(self, system: System, start: Array, end: Array, foretold: Array, t: float) -> None:
-        """Raise JumpError if ``end`` contradicts ``foretold`` (n_unknowns,), unless jumps are accepted."""
+    def check(self, system: System, start: Array, end: Array, predicted: Array, t: float) -> None:
+        """Raise JumpError if ``end`` contradicts ``predicted`` (n_unknowns,), unless jumps are accepted."""
         where = self.model.numbering.where
         moved = system.distance(end, start)
-        along = float((system.weights**2 * foretold) @ (end[where] - start[where]))
-        if moved <= FAINT * self.model.extent or (along >= 0.0 and moved <= FURTHER * system.norm(foretold)):
+        along = float((system.weights**2 * predicted) @ (end[where] - start[where]))
+        if moved <= FAINT * self.model.extent or (along >= 0.0 and moved <= FURTHER * system.norm(predicted)):
             return
         if not self.accepting:
             raise JumpError("the state jumps to another branch", at={"factor": float(f"{t:.6g}")}, advice=ADVICE)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ...case import LoadedCase
 from ...errors import Ancf2dError, CaseError, ComputationError, many, verdict
 from ...model.model import Model
-from ...solvers.motion.schemes import DEFAULT, SHARPER, default_method
+from ...solvers.motion.integrators import DEFAULT, SHARPER, default_method
 from ...solvers.registry import solve
 from ..goal import Solved, Target, solve_for_goal
 from ..order import Estimate

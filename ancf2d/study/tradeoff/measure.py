@@ -14,7 +14,7 @@ from typing import Any
 from ...case import Body, Dynamic, LoadedCase, load_case_text
 from ...case.emit import flow, written
 from ...errors import UNSOLVED, ComputationError, verdict
-from ...solvers.motion.schemes import DEFAULT
+from ...solvers.motion.integrators import DEFAULT
 from ...solvers.registry import solve
 from ..goal import GoalValue, Solved, for_study, solve_for_goal
 from ..pool import DIED

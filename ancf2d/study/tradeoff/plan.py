@@ -12,7 +12,7 @@ from ...case import Body, Dynamic, LoadedCase, Stiffness
 from ...case.emit import flow
 from ...elements.registry import FAMILY
 from ...errors import CaseError
-from ...solvers.motion.schemes import DEFAULT
+from ...solvers.motion.integrators import DEFAULT
 from ..convergence import limit_of, meshes_of
 from ..forecast import predicted_cost
 from ..goal import GoalValue, goal_of, sequence

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ancf2d.errors import CaseError
-from ancf2d.solvers.motion.schemes import INTEGRATORS
+from ancf2d.solvers.motion.integrators import INTEGRATORS
 from scripts.pages import small, table
 
 from .runs import Motion, case, distance, follow

@@ -8,7 +8,7 @@ import random
 from typing import Any
 
 from ancf2d.elements.formulations import FORMULATIONS
-from ancf2d.solvers.motion.schemes import INTEGRATORS, SCHEMES
+from ancf2d.solvers.motion.integrators import INTEGRATORS, SCIPY_METHODS
 
 from .amplitudes import random_amplitude
 from .bodies import SOMEWHERE, type_of
@@ -23,7 +23,7 @@ SOLVERS = {"linear_static": 64, "eigen": 15, "buckling": 11, "static": 6, "path"
 REMEMBERING = {"static": 50, "path": 10, "dynamic": 30, "eigen": 10}
 # SciPy's integrators call Python at every stage, and explicit ones take steps as short as the fastest vibration: theirs
 # are a smaller share of the motions, and these are shorter
-METHODS = tuple(name for name in INTEGRATORS if name not in SCHEMES)
+METHODS = tuple(name for name in INTEGRATORS if name not in SCIPY_METHODS)
 SHORT = 0.01
 NAMES = ("a", "b", "c", "d")
 
@@ -277,11 +277,11 @@ class Maker(Supported):
             return {"type": "eigen", "modes": rng.choice((3, 6)), **about}
         if self.kind == "buckling":
             return {"type": "buckling", "modes": rng.choice((1, 3))}
-        method = rng.choice((None, *METHODS, rng.choice(tuple(SCHEMES))))
-        t_end = T * rng.uniform(0.2, 1.0) * (SHORT if method in SCHEMES else 1.0)
+        method = rng.choice((None, *METHODS, rng.choice(tuple(SCIPY_METHODS))))
+        t_end = T * rng.uniform(0.2, 1.0) * (SHORT if method in SCIPY_METHODS else 1.0)
         out: Data = {"type": "dynamic", "t_end": t_end, "estimate": False,
                      **({} if method is None else {"method": method})}
-        if method in SCHEMES or (method is None and self.chance(0.4)):
+        if method in SCIPY_METHODS or (method is None and self.chance(0.4)):
             return {**out, "tolerance": 1e-5}
         return {**out, "dt": t_end / rng.choice((10, 25, 40))}
 

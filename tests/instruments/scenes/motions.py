@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ancf2d.solvers.motion.schemes import DEFAULT, INTEGRATORS
+from ancf2d.solvers.motion.integrators import DEFAULT, INTEGRATORS
 from ancf2d.solvers.post import Observer
 from ancf2d.solvers.state import State
 

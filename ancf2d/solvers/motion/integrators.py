@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from ...case import Dynamic
+from ...case.binder import listed
 from ...errors import Problem
 from ...model.constraints import TURNED
 from ...model.model import Model
@@ -18,7 +19,7 @@ SPECTRAL_RADIUS = 0.8
 
 
 @dataclass(frozen=True)
-class Scheme:
+class SciPyMethod:
     """The properties of an integrator of SciPy.
 
     ``one_step``: uses no earlier steps, so that states can be projected onto the constraints; ``stages`` evaluated per
@@ -39,7 +40,9 @@ class Integrator:
 
     ``order`` of its error at the end of a motion; ``rows`` stored from earlier steps; ``radii``: range of its spectral
     radius at infinity, if selectable; ``damps`` motions far too fast for the steps; ``conserves`` energy, by discrete
-    gradients; ``scipy``: the properties of SciPy's methods.
+    gradients; ``scipy``: the properties of SciPy's methods. Contact without a law needs steps of one stage, at least
+    where contacts open and close: ``contact``: whether there are such steps, ``friction``: whether they include
+    friction.
     """
 
     name: str
@@ -50,36 +53,39 @@ class Integrator:
     radii: tuple[float, float] | None = None
     damps: bool = True
     conserves: bool = False
-    scipy: Scheme | None = None
+    scipy: SciPyMethod | None = None
+    contact: bool = False
+    friction: bool = False
 
 
 _LIST = (
     Integrator("radau5", 5, 5, "Hairer, Lubich & Roche 1989",
-               "Radau IIA, three stages: order 5, damps motions that the steps do not resolve"),
+               "Radau IIA, three stages: order 5, damps motions that the steps do not resolve", contact=True),
     Integrator("radau9", 9, 7, "Hairer, Lubich & Roche 1989",
-               "Radau IIA, five stages: order 9, for smooth motion to tight tolerances"),
+               "Radau IIA, five stages: order 9, for smooth motion to tight tolerances", contact=True),
     Integrator("generalized_alpha", 2, 3, "Chung & Hulbert 1993; Arnold & Bruls 2007",
-               "second order, damping at infinity chosen by spectral_radius (default 0.8)", radii=(0.0, 1.0)),
+               "second order, damping at infinity chosen by spectral_radius (default 0.8)", radii=(0.0, 1.0),
+               contact=True, friction=True),
     Integrator("hht", 2, 3, "Hilber, Hughes & Taylor 1977",
                "second order, damping at infinity chosen by spectral_radius from 0.5 to 1 (default 0.8)",
-               radii=(0.5, 1.0)),
+               radii=(0.5, 1.0), contact=True, friction=True),
     Integrator("newmark", 2, 3, "Newmark 1959", "average acceleration: second order, no damping, no multipliers",
                damps=False),
     Integrator("energy_momentum", 2, 0, "Simo & Tarnow 1992; Gonzalez 1996",
                "second order, conserves energy and momentum exactly", damps=False, conserves=True),
     Integrator("RK45", 5, 0, "Dormand & Prince 1980", "SciPy's explicit pair 5(4), known as ode45",
-               scipy=Scheme(True, stages=6, keeps=True)),
+               scipy=SciPyMethod(True, stages=6, keeps=True)),
     Integrator("DOP853", 8, 0, "Hairer, Norsett & Wanner 1993", "SciPy's explicit method of order 8",
-               scipy=Scheme(True, stages=12, keeps=True)),
+               scipy=SciPyMethod(True, stages=12, keeps=True)),
     Integrator("Radau", 5, 0, "Hairer & Wanner 1996", "SciPy's Radau IIA of order 5, with dense matrices",
-               scipy=Scheme(True, jacobian=True)),
+               scipy=SciPyMethod(True, jacobian=True)),
     Integrator("BDF", 5, 0, "Shampine & Reichelt 1997", "SciPy's BDF of orders 1 to 5, without multipliers",
-               scipy=Scheme(False, jacobian=True)),
+               scipy=SciPyMethod(False, jacobian=True)),
     Integrator("LSODA", 5, 0, "Petzold 1983", "SciPy's switch between Adams and BDF, without multipliers",
-               scipy=Scheme(False, jacobian=True, fixed=True)),
+               scipy=SciPyMethod(False, jacobian=True, fixed=True)),
 )
 INTEGRATORS: dict[str, Integrator] = {m.name: m for m in _LIST}
-SCHEMES: dict[str, Scheme] = {m.name: m.scipy for m in _LIST if m.scipy is not None}
+SCIPY_METHODS: dict[str, SciPyMethod] = {m.name: m.scipy for m in _LIST if m.scipy is not None}
 DEFAULT = "radau5"
 # skips the same vibrations as DEFAULT with a much smaller error: the difference is the error of DEFAULT
 SHARPER = "radau9"
@@ -108,85 +114,85 @@ def _constrained(model: Model) -> str:
     return ", ".join(sorted({c.owner for c in model.constraints}))
 
 
-def _multistep(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
+def _multistep(method: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
     """Refuse multistep methods for models with constraints: their states cannot be projected."""
-    if scheme.scipy is not None and not scheme.scipy.one_step and model.constraints:
-        yield ("method", f"{scheme.name} is a multistep method, which cannot satisfy the constraints of "
+    if method.scipy is not None and not method.scipy.one_step and model.constraints:
+        yield ("method", f"{method.name} is a multistep method, which cannot satisfy the constraints of "
                f"{_constrained(model)}", "Radau, RK45, DOP853, or one of ancf2d's own methods, such as radau5")
 
 
-def _undamped(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
+def _undamped(method: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
     """Refuse methods without damping at infinity if constraint forces would oscillate (Cardona & Geradin 1989)."""
-    if scheme.scipy is not None or scheme.conserves or not model.constraints:
+    if method.scipy is not None or method.conserves or not model.constraints:
         return
     why = f"makes the constraint forces of {_constrained(model)} grow from step to step"
-    if not scheme.damps and any(pair.hard for pair in model.contacts):
+    if not method.damps and any(pair.hard for pair in model.contacts):
         # refused by the rule for contact, with better advice
         return
-    if not scheme.damps:
+    if not method.damps:
         turns = all(c.holds in ("rotation", TURNED) for c in model.constraints)
         types = ", or elements with the coordinate theta, such as reissner3" if turns else ""
-        yield ("method", f"{scheme.name}, which has no numerical damping, {why}",
+        yield ("method", f"{method.name}, which has no numerical damping, {why}",
                f"radau5, energy_momentum or generalized_alpha{types}")
-    elif scheme.radii is not None and spectral_radius(spec) == 1.0:
+    elif method.radii is not None and spectral_radius(spec) == 1.0:
         yield "spectral_radius", f"1, which has no numerical damping, {why}", "a spectral radius below 1, such as 0.8"
 
 
-def _radius(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
+def _radius(method: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
     rho = spec.spectral_radius
     if rho is None:
         return
-    if scheme.radii is None:
-        yield ("spectral_radius", f"{scheme.name} has no spectral radius",
+    if method.radii is None:
+        yield ("spectral_radius", f"{method.name} has no spectral radius",
                "no spectral_radius, or method generalized_alpha")
-    elif not scheme.radii[0] <= rho <= scheme.radii[1]:
-        yield ("spectral_radius", f"{rho:g} is out of range for {scheme.name}",
-               f"from {scheme.radii[0]:g} to {scheme.radii[1]:g}, or method generalized_alpha")
+    elif not method.radii[0] <= rho <= method.radii[1]:
+        yield ("spectral_radius", f"{rho:g} is out of range for {method.name}",
+               f"from {method.radii[0]:g} to {method.radii[1]:g}, or method generalized_alpha")
 
 
-def _without_gradient(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
+def _without_gradient(method: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
     """Refuse energy conservation for strains that depend on an angle: they are not quadratic in the coordinates."""
-    if not scheme.conserves:
+    if not method.conserves:
         return
     names = [m.plan.name for m in model.meshes.values() if not m.plan.rigid and m.plan.formulation.law.mean is None
              and m.plan.name not in model.remembers]
     if names:
         formulations = sorted({model.meshes[n].plan.formulation.name for n in names})
-        yield ("method", f"{scheme.name} has no energy-conserving forces for formulation "
+        yield ("method", f"{method.name} has no energy-conserving forces for formulation "
                f"{', '.join(formulations)} of {', '.join(names)}",
                "generalized_alpha or radau5, or elements of another formulation, such as structural")
 
 
-def _forgets(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
+def _forgets(method: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
     """Refuse methods that do not update history variables at the end of each step."""
-    if model.remembers and (scheme.scipy is not None or scheme.conserves):
-        yield ("method", f"{scheme.name} does not support formulations with memory, such as that of "
+    if model.remembers and (method.scipy is not None or method.conserves):
+        yield ("method", f"{method.name} does not support formulations with memory, such as that of "
                f"{', '.join(model.remembers)}", "radau5, generalized_alpha, hht or newmark")
 
 
-def _impacts(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
+def _contact(method: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
     """Refuse methods that cannot end a step without overlap or adhesion at contacts without a law.
 
-    This needs steps of one stage, at least where contacts open and close. Contact between bodies is also refused for
-    methods that conserve energy.
+    Contact between bodies is also refused for methods that conserve energy.
     """
     hard = [contact for contact in model.contacts if contact.hard]
     rubs = [contact for contact in hard if contact.item.friction]
-    if scheme.name in ("radau5", "radau9") and rubs:
+    if method.contact and not method.friction and rubs:
         names = ", ".join(dict.fromkeys(contact.name for contact in rubs))
-        yield ("method", f"{scheme.name} does not support friction without a law ({names})",
-               "generalized_alpha or hht, no friction, or law: {stiffness: ...} for the contact")
-    elif hard and scheme.name not in ("generalized_alpha", "hht", "radau5", "radau9"):
+        yield ("method", f"{method.name} does not support friction without a law ({names})",
+               f"{listed(m.name for m in _LIST if m.friction)}, no friction, or law: {{stiffness: ...}} for the "
+               "contact")
+    elif hard and not method.contact:
         names = ", ".join(dict.fromkeys(contact.name for contact in hard))
-        yield ("method", f"{scheme.name} does not support contact without a law ({names})",
-               "generalized_alpha, hht, radau5 or radau9, or law: {stiffness: ...} for the contact")
+        yield ("method", f"{method.name} does not support contact without a law ({names})",
+               f"{listed(m.name for m in _LIST if m.contact)}, or law: {{stiffness: ...}} for the contact")
     names = ", ".join(dict.fromkeys(contact.name for contact in model.contacts if contact.other in model.meshes))
-    if scheme.conserves and names:
-        yield ("method", f"{scheme.name} does not support contact between bodies ({names})",
-               "generalized_alpha or hht")
+    if method.conserves and names:
+        yield ("method", f"{method.name} does not support contact between bodies ({names})",
+               listed(m.name for m in _LIST if m.friction))
 
 
-RULES: tuple[Rule, ...] = (_multistep, _undamped, _radius, _without_gradient, _forgets, _impacts)
+RULES: tuple[Rule, ...] = (_multistep, _undamped, _radius, _without_gradient, _forgets, _contact)
 
 
 def method_problems(model: Model) -> list[Problem]:
@@ -194,6 +200,6 @@ def method_problems(model: Model) -> list[Problem]:
     spec = model.case.solver
     if not isinstance(spec, Dynamic) or model.loaded is None:
         return []
-    scheme = INTEGRATORS[spec.method or default_method(model)]
+    method = INTEGRATORS[spec.method or default_method(model)]
     return [model.loaded.source.problem(("solver", key), f"solver.{key}: {message}", expected)
-            for rule in RULES for key, message, expected in rule(scheme, spec, model)]
+            for rule in RULES for key, message, expected in rule(method, spec, model)]

@@ -1,0 +1,120 @@
+"""Load steps and paths with obstacles: cut steps, steps past an obstacle, and bodies that snap over its corner."""
+
+from __future__ import annotations
+
+import re
+
+import helpers
+import numpy as np
+import pytest
+from test_contact_statics import CLAMP, strip
+
+from ancf2d.elements.contact_geometry import STATUS
+from ancf2d.errors import ComputationError
+from ancf2d.solvers.contact import contact_report
+from ancf2d.solvers.post import reactions
+from ancf2d.solvers.registry import solve
+from ancf2d.solvers.statics import static
+
+
+def test_points_of_a_load_step_that_is_cut_are_open_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first step, in which the strip touches, is refused: the next one begins where nothing touches."""
+    tried, touched = [], []
+
+    def refused(model, *state):
+        tried.append(state)
+        if len(tried) == 1:
+            raise ComputationError("refused")
+
+    def begun(system, *how):
+        touched.append(sum(p.mem[STATUS] > 0.0 for one in system.model.contact_tables for p in one.points))
+        return newton(system, *how)
+
+    newton = static.newton
+    monkeypatch.setattr(static, "check_sound", refused)
+    monkeypatch.setattr(static, "newton", begun)
+    solution = helpers.Solution(strip(4, bc=[CLAMP], loads=[{"type": "force", "at": "beam@1", "value": [0, -1.0]}],
+                                      obstacles={"solid": {"type": "half_plane", "through": [0, -1e-3],
+                                                           "normal": [0, 1]}}))
+    assert solution.state.t == 1.0
+    assert touched[:2] == [0, 0]
+    assert touched[-1] > 0
+
+
+def test_no_step_leads_past_a_disc_between_two_nodes() -> None:
+    """The first equilibrium of a step has come into a disc from above, beyond its centre, or past it."""
+    x, radius, found = 0.8, 0.04, []
+    for steps in (1, 20):
+        solution = helpers.Solution(strip(
+            7, bc=[CLAMP], solver={"type": "static", "steps": steps},
+            loads=[{"type": "force", "at": "beam@1", "value": [0, -1]}],
+            obstacles={"solid": {"type": "circle", "center": [x, -radius - 0.02], "radius": radius}}))
+        found.append(solution.r("beam@1"))
+        assert contact_report(solution.model, solution.state)[0]["force"][1] > 0.5
+    np.testing.assert_allclose(*found, atol=1e-6)
+
+
+@pytest.mark.parametrize(("gap", "force", "place"), [
+    # load steps settle the place of lift-off to 1e-5 of half an element
+    (0.0, 5e-6, 1e-6),
+    # the tip touches
+    (0.05, 1e-9, 1e-8)])
+def test_arc_length_passes_the_states_of_load_steps_that_touch(gap: float, force: float, place: float) -> None:
+    """A cantilever comes down on a disc, between two nodes or with its tip, in the same state by either method."""
+    scene = {"bc": [CLAMP], "loads": [{"type": "force", "at": "beam@0.5", "value": [0, -2]}],
+             "obstacles": {"solid": {"type": "circle", "center": [1, -0.1 - gap], "radius": 0.1}}}
+    arc = {"type": "static", "method": "arc_length", "until": {"load_factor": 1}}
+    steps, along = (helpers.Solution(strip(8, solver=solver, **scene)) for solver in ("static", arc))
+    (one,), (other,) = (contact_report(s.model, s.state) for s in (steps, along))
+    assert one["force"][1] > 0.1
+    assert not steps.state.warnings + along.state.warnings
+    np.testing.assert_allclose(other["force"], one["force"], rtol=1e-6, atol=force)
+    np.testing.assert_allclose(along.r("beam@0.5"), steps.r("beam@0.5"), rtol=place)
+
+
+def hook(steps, ends):
+    """Return a hook above a catch that moves in from the right: places of the catch at shares of the steps."""
+    data = helpers.body(
+        {"type": "polyline", "points": [[0, 0], [0.02, 0], [0.02, -0.003]]}, helpers.element("reissner3", 8),
+        {"height": 0.0015, "width": 0.005}, {"E": 2.4e9, "nu": 0.38})
+    catch = {"type": "polyline", "points": [[0.021, -0.006], [0.024, -0.004], [0.0275, -0.002], [0.028, -0.002],
+                                            [0.029, -0.004], [0.04, -0.004]],
+             "motion": {"x": {"type": "table", "t": list(ends), "value": list(ends.values())}}}
+    return helpers.build({"hook": data}, {"type": "static", "steps": steps}, obstacles={"catch": catch},
+                         bc=[{"name": "root", "type": "clamp", "at": "hook@0"}],
+                         contacts=[{"name": "nose", "between": ["hook", "catch"], "side": "axis"}])
+
+
+def tip(model, state):
+    """Return the place of the tip of the hook."""
+    return np.array([0.02, -0.003]) + state.d[model.n_q - 3:model.n_q - 1]
+
+
+@pytest.mark.parametrize("steps", [20, 40])
+def test_a_tip_that_has_gone_over_a_corner_leaves_it_behind(steps):
+    """The nose of a hook climbs the slope of a catch that moves in below it, and stands on its crest then.
+
+    The corner between these is next to the axis beside the tip there; it was taken to be inside the nose, and held it.
+    """
+    model = hook(steps, {0.0: 0.0, 0.2: -0.0067, 1.0: -0.0077})
+    *_, state = solve(model)
+    x, y = tip(model, state)
+    assert y == pytest.approx(-0.002, abs=1e-12)
+    assert 0.0275 - 0.0077 < x < 0.028 - 0.0077
+    # the crest bears it upright, and the root turns that round
+    force = reactions(model, state)["root"]
+    assert abs(force["fx"]) < 1e-9 * abs(force["fy"])
+
+
+def test_a_hook_that_snaps_over_a_corner_goes_on_and_says_so():
+    """On the flank of the catch the nose is pushed along the arm, on the crest it is not: there is nothing between.
+
+    The tip leaves the flank at its corner and stands where that of a hook is whose catch has moved in.
+    """
+    model = hook(60, {0.0: 0.0, 0.1: -0.0085, 0.2: -0.01, 0.5: -0.008, 1.0: -0.0075})
+    states = list(solve(model))
+    (said,) = [w for s in states for w in s.warnings]
+    assert re.search(r"bodies in contact snap at load factor 0\.\d+: they move by 3e-05 m at once", said)
+    on_crest = hook(20, {0.0: 0.0, 0.2: -0.0067, 1.0: -0.0077})
+    *_, there = solve(on_crest)
+    np.testing.assert_allclose(tip(model, states[-1]), tip(on_crest, there), rtol=0, atol=1e-12)

@@ -1,0 +1,115 @@
+"""The steps that a motion keeps for its derivatives backwards, and the choice of the way."""
+
+from contextlib import nullcontext
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_study_motion_adjoint import CLAMP, PIN, SHORT, SOME, found, scene
+
+import ancf2d
+from ancf2d.case.numbers import numbers_at
+from ancf2d.solvers.derivatives import backwards, linear_steps
+from ancf2d.solvers.motion import stepping
+from ancf2d.study import gradient
+from ancf2d.study.goal import for_study
+from ancf2d.study.gradient import DifferentiableRun, prepare, run_case
+from ancf2d.study.measures import GoalValues
+from ancf2d.study.record import Progress
+
+
+def test_what_is_kept_of_a_motion_changes_nothing(monkeypatch, tmp_path):
+    """Steps made again from checkpoints, few or many, and sparse matrices give the same derivatives."""
+    loaded = scene(tmp_path, "radau5", CLAMP, SHORT)
+    values, _ = found(loaded, SOME)
+    for name, size in (("KEPT", 0), ("WINDOW", 0), ("LEAST", 2), ("CHECKPOINTS", 0)):
+        monkeypatch.setattr(backwards, name, size)
+        assert found(loaded, SOME)[0] == pytest.approx(values, rel=1e-9), name
+    monkeypatch.setattr(linear_steps, "BAND", 0)
+    assert found(loaded, SOME)[0] == pytest.approx(values, rel=1e-8)
+
+
+def test_checkpoints_stay_within_their_room(monkeypatch, tmp_path):
+    """Every second one is dropped where they are too many, and steps between those that are left are made again."""
+    for name, size in (("KEPT", 0), ("WINDOW", 0), ("LEAST", 2), ("CHECKPOINTS", 0)):
+        monkeypatch.setattr(backwards, name, size)
+    loaded = scene(tmp_path, "generalized_alpha", CLAMP, "solver.dt=1e-4", "loads.push.amplitude={type: constant}")
+    motion = backwards.RecordedMotion(prepare(loaded), False, 1e-12, None)
+    list(motion.states())
+    # windows of 8 steps
+    assert sum(part.count for part in motion.parts) == 100
+    assert len([part for part in motion.parts if part.count]) <= 3
+
+
+def test_steps_are_made_once_for_values_and_derivatives(monkeypatch, tmp_path):
+    """The run that finds the values is kept for the way back, if Newton's method takes few iterations in its steps."""
+    loaded, made = scene(tmp_path, "newmark", PIN, SHORT, "solver.dt=0.0001"), list[int]()
+    advance = stepping.Stepper.advance
+
+    def counted(self, found, steps):
+        out = advance(self, found, steps)
+        made.append(out[1])
+        return out
+    # kernels that have to be compiled make steps, too
+    told, steps = [], run_case(for_study(loaded)).summary["steps"]
+    monkeypatch.setattr(stepping.Stepper, "advance", counted)
+    for once in (True, False):
+        if not once:
+            monkeypatch.setattr(gradient, "NEWTON", ())
+        made.clear()
+        told.append(ancf2d.sensitivity(loaded, SOME))
+        assert sum(made) == steps * (1 if once else 2)
+    one, two = ({row.path: row.derivative for row in t.rows} for t in told)
+    assert one == pytest.approx(two, rel=1e-9)
+    assert told[0].goal == pytest.approx(told[1].goal, rel=1e-8)
+    assert told[0].warnings == told[1].warnings
+
+
+def test_the_last_step_counts_however_long_it_takes(monkeypatch, tmp_path):
+    """Steps are made for a short while at a time: of a large model one by one, the last one too."""
+    loaded = scene(tmp_path, "newmark", PIN, SHORT)
+    many, _ = found(loaded, SOME)
+    monkeypatch.setattr(backwards, "CHUNK_SECONDS", 0.0)
+    single, _ = found(loaded, SOME)
+    assert np.abs(single).min() > 0.0
+    assert single == pytest.approx(many, rel=1e-9)
+
+
+@pytest.mark.parametrize(("iterations", "dt", "tight"), [(5, 5e-4, False), (7, 2e-3, True)])
+def test_steps_are_as_long_as_those_of_a_run(tmp_path, iterations, dt, tight):
+    """A tolerance that Newton's method does not reach is given up; steps that a run shortens, too, are kept so."""
+    loaded = for_study(scene(tmp_path, "newmark", PIN, SHORT, f"solver.max_iterations={iterations}", f"solver.dt={dt}"))
+    outcome = run_case(loaded)
+    assert outcome.summary["rejected"] > 0
+    for tolerance, kept in ((1e-13, tight), (1e-10, True)):
+        motion = backwards.RecordedMotion(outcome.model, False, tolerance, [])
+        with nullcontext() if kept else pytest.raises(backwards.StepLengthError):
+            *_, last = motion.states()
+            assert last.report["rejected"] == outcome.summary["rejected"]
+
+
+def test_a_bead_that_slides_off_its_rail_ends_the_motion_that_is_kept():
+    """r = 0.5 cosh(4 t) reaches the end of the rail of 2 m at t = 0.516, as in a run."""
+    def rigid(a, b, mass, inertia):
+        return {"geometry": {"type": "line", "start": [a, 0], "end": [b, 0]}, "section": {"height": 0.1, "width": 0.1},
+                "element": {"type": "rigid", "mass": mass, "inertia": inertia}}
+    turn = {"type": "expression", "value": "4*t"}
+    loaded = ancf2d.load({
+        "bodies": {"rail": rigid(0, 2, 1.0, 0.5), "bead": rigid(0.45, 0.55, 2.0, 2e-3)},
+        "boundary_conditions": [{"type": "prescribed", "at": "rail@0", "ux": 0, "uy": 0, "angle": turn}],
+        "joints": [{"name": "sleeve", "type": "prismatic", "point": "bead@0.5", "on": "rail"}],
+        "initial": {"rotation_rate": {"omega": 4.0, "about": [0, 0]}},
+        "solver": {"type": "dynamic", "t_end": 0.52, "tolerance": 1e-6, "method": "radau5"},
+        "goal": {"probe": "bead", "quantity": "x"}, "output": {"probes": {"bead": "bead@0.5"}}})
+    with pytest.raises(ancf2d.ComputationError, match=r"sleeve: bead@0\.5 has slid off the end of rail"):
+        list(backwards.RecordedMotion(prepare(loaded), False, 1e-10, None).states())
+
+
+def test_one_way_is_chosen_by_goals_and_numbers(tmp_path):
+    """One way back for each goal, or one forth for each number: the fewer."""
+    loaded = scene(tmp_path, "radau5", CLAMP)
+    goals = tuple(replace(loaded.case.goal, quantity=name) for name in ("x", "y", "theta"))
+    for paths, back in ((SOME, True), (SOME[:2], False)):
+        run = DifferentiableRun(loaded, GoalValues(goals), Progress())
+        run.compute_together(numbers_at(loaded, paths))
+        assert (run.adjoint is not None) == back
