@@ -271,7 +271,9 @@ class _GoalRecorder:
         """Store the model before it is solved."""
         from ..solvers.post import Observer
 
-        self.model, self.observer = model, Observer(model)
+        # other probes than the goal's only cost time
+        named = () if self.goal is None or self.goal.probe is None else (self.goal.probe,)
+        self.model, self.observer = model, Observer(model, named=named)
 
     def record(self, state: Any) -> None:
         """Record the next state."""

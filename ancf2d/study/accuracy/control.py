@@ -11,6 +11,7 @@ from ...case import Case, FrequencyResponse, Goal, LoadedCase, QuasiStatic, Rect
 from ...errors import ComputationError, many
 from ...model.curve import stretches
 from ...model.plan import acting_points
+from ...solvers.motion.schemes import default_method
 from ..goal import GoalValue, Target, goal_kind
 from ..order import Estimate
 from ..record import Progress
@@ -91,7 +92,7 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
     if dense is not None:
         pursuit.model_error = pursuit.report["points_error"] = POINTS * wanted
     if _open_bodies(loaded) or not Direct(pursuit, {}, wanted).applies():
-        prepare(first_mesh(loaded))
+        pursuit.default = default_method(prepare(first_mesh(loaded)))
     for name, body in flexible(loaded.case).items():
         if body.element.nodes == "regular" and stretches(body.geometry, acting_points(loaded.case)[name])[1:]:
             pursuit.tell(f"bodies.{name}: nodes are placed where something acts, despite nodes: regular, because "

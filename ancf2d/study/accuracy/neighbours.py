@@ -112,12 +112,15 @@ def _summary(loaded: LoadedCase, model: Model, state: Any) -> dict[str, Any]:
                         probes=[goal.probe] if goal.probe else [])
 
 
-def verdict_of_two(middle: Level, fine: Level) -> Verdict | None:
-    """Return the verdict of a mesh and a finer one, whatever the order from 1 on, or None if they show no error."""
+def verdict_of_two(middle: Level, fine: Level, finer: float = 2.0) -> Verdict | None:
+    """Return the verdict of a mesh and one ``finer`` by a factor, whatever the order from 1 on.
+
+    None if they show no error.
+    """
     if middle.answer is None or fine.answer is None or middle.kinks:
         return None
-    size, left = middle.answer.size, 1.0 - 2.0**-UNSHOWN
-    error = SAFETY * abs(fine.answer.gap(middle.answer)) / left
+    size, left = middle.answer.size, 1.0 - finer**-UNSHOWN
+    error = SAFETY * fine.answer.distance(middle.answer) / left
     return Verdict(Estimate(fine.answer.value, error, None, True, ""), error / size, (1.0 - left) * error / size)
 
 

@@ -40,7 +40,7 @@ class Pursuit:
     ``model_error``: the error of simpler models or frequencies, which meshes do not show; ``guesses``: statics may
     start from the ``latest`` state of the same element types on another mesh. ``last``: the level solved last, and its
     solution; ``case``: the case with its setting. ``weights``: the influence of each body's mesh on the goal, relative
-    to the others; ``by_adjoint``: they come from the adjoint.
+    to the others; ``by_adjoint``: they come from the adjoint. ``default``: the integrator of motions, once it is known.
     """
 
     loaded: LoadedCase
@@ -60,6 +60,7 @@ class Pursuit:
     case: LoadedCase | None = None
     weights: dict[str, float] = field(default_factory=dict)
     by_adjoint: bool = False
+    default: str | None = None
 
     def solve(self, setting: Setting, why: str, estimate_of: EstimateOf | None = None) -> Level:
         """Return the level of a setting, solved unless it is known.
@@ -182,8 +183,8 @@ class Pursuit:
                 "achieved": bool(total <= self.wanted), "order": found.order, "limit": found.value,
                 "by_body": self.by_body(level, error),
                 "elements": dict(level.setting.counts), "nodes": level.setting.node_positions(),
-                "tolerance": level.setting.tolerance, "steps": None, **level.setting.steps, "note": note,
-                "solves": len(self.levels), "wall_s": self.wall_s, **self.report,
+                "tolerance": level.setting.tolerance, "method": level.setting.method, "steps": None,
+                **level.setting.steps, "note": note, "solves": len(self.levels), "wall_s": self.wall_s, **self.report,
                 "path": [level.as_json() for level in self.levels]}
 
     def by_body(self, level: Level, error: float) -> dict[str, float] | None:
@@ -203,16 +204,21 @@ class Pursuit:
         return {name: left * weights.get(name, 0.0) / whole if whole else 0.0 for name in self.loaded.case.bodies}
 
     def sharper(self, setting: Setting) -> Setting:
-        """Return a setting whose finer time steps show the error of those of a solved one.
+        """Return a setting whose finer time steps show the error of those of another one.
 
         If Newton's method limits the steps, a smaller tolerance changes few of them, so the default method is compared
-        with a more accurate one. A method that the case names is kept.
+        with a more accurate one.
         """
         assert setting.tolerance is not None
-        method = setting.method
-        if getattr(self.loaded.case.solver, "method", "") is None and self.last is not None:
-            method = SHARPER if default_method(self.last[1].model) == DEFAULT else None
-        return replace(setting, tolerance=tenth(setting.tolerance), method=method)
+        return replace(self.accurate(setting), tolerance=tenth(setting.tolerance))
+
+    def accurate(self, setting: Setting) -> Setting:
+        """Return a setting with a method more accurate than the default; one that the case names is kept."""
+        if getattr(self.loaded.case.solver, "method", "") is not None:
+            return setting
+        if self.default is None:
+            self.default = default_method(prepare(with_setting(self.loaded, setting)))
+        return replace(setting, method=SHARPER if self.default == DEFAULT else None)
 
     def why_refused(self, setting: Setting) -> Ancf2dError | None:
         """Return why the case cannot be built with a setting, or None if it can."""
