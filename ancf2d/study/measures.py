@@ -314,7 +314,7 @@ class GoalValues:
     def __call__(self, model: Model, states: Sequence[Any]) -> Array:
         """Return the values. Raises ComputationError if the solver does not compute one of them."""
         summary = last_summary(model, states, any(g.reaction is not None for g in self.goals),
-                               goals=self.goals)
+                               goals=self.goals, probes={str(goal.probe) for goal in self.goals})
         found = [quantity(goal, summary) for goal in self.goals]
         for goal, value in zip(self.goals, found, strict=True):
             if value is None:
