@@ -7,11 +7,12 @@ import pytest
 from pursued import CANTILEVER, TWO, case
 
 from ancf2d.elements import registry
+from ancf2d.solvers.derivatives.statics import Equilibrium
 from ancf2d.study.accuracy.control import solve_to_accuracy
 from ancf2d.study.accuracy.direct import order_of
 from ancf2d.study.accuracy.neighbours import SAFETY, verdict_of, verdict_of_two
 from ancf2d.study.accuracy.setting import Level, Setting, with_setting
-from ancf2d.study.accuracy.weighted import weighted
+from ancf2d.study.accuracy.weighted import GoalOf, weighted
 from ancf2d.study.goal import GoalValue, solve_for_goal
 
 
@@ -126,3 +127,17 @@ def test_elements_are_short_in_the_layer_that_the_goal_depends_on():
     nodes = {"beam": tuple(found["nodes"]["beam"])}
     again = with_setting(case(TENSE, "{type: reissner3, count: 2}"), Setting(found["elements"], nodes=nodes))
     assert solve_for_goal(again).answer.value == pytest.approx(found["value"], rel=1e-9)
+
+
+@pytest.mark.parametrize("goal", [
+    "{probe: tip, quantity: uy}", "{probe: tip, quantity: theta}", "{quantity: strain_energy}",
+    *(f"{{reaction: foot, quantity: {q}}}" for q in ("fx", "fy", "m"))])
+@pytest.mark.parametrize("solver", ["static", "linear_static"])
+def test_gradients_of_goals_need_no_differences(goal, solver):
+    loaded = case(TWO, "", "boundary_conditions.0.name=foot", f"goal={goal}", f"solver.type={solver}")
+    mesh = with_setting(loaded, Setting({"post": 2, "arm": 3}))
+    solved = solve_for_goal(mesh)
+    equilibrium = Equilibrium(solved.model, solved.state, solver == "linear_static")
+    J, z = GoalOf(loaded.case.goal, equilibrium), equilibrium.z
+    differences = [J.slope(z, way) for way in np.eye(len(z))]
+    assert J.by_formula(z) == pytest.approx(differences, rel=1e-4, abs=1e-6 * np.abs(differences).max())

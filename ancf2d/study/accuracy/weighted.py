@@ -80,7 +80,7 @@ def weighted(loaded: LoadedCase, solved: Solved, finer: Neighbour | None = None)
         found = Equilibrium(fine, near, loaded.case.solver.linear, *([] if finer is None else [0]))
         if finer is None and not _settled(found, begin):
             return None
-        end, J = found.z, _Goal(goal, found)
+        end, J = found.z, GoalOf(goal, found)
         # halfway: with a gradient and tangent taken there, quadratic terms are exact
         g = J.gradient(0.5 * (begin + end), end - begin)
         if g is None:
@@ -109,7 +109,7 @@ def _settled(found: Any, begin: Array) -> bool:
     return bool(found.linear)
 
 
-class _Goal:
+class GoalOf:
     """A goal as a function of the unknowns of an equilibrium."""
 
     def __init__(self, goal: Goal, equilibrium: Any) -> None:
@@ -139,7 +139,7 @@ class _Goal:
         If not, by differences for unknowns near the goal, or for all if those do not explain it. None if there are too
         many unknowns.
         """
-        g, known = self._by_formula(z), np.zeros(len(z), dtype=bool)
+        g, known = self.by_formula(z), np.zeros(len(z), dtype=bool)
         along = self.slope(z, way)
         if g is not None and abs(float(g @ way) - along) <= OFF * abs(along):
             return g
@@ -158,7 +158,7 @@ class _Goal:
                 return g
         return None
 
-    def _by_formula(self, z: Array) -> Array | None:
+    def by_formula(self, z: Array) -> Array | None:
         """Return dJ/dz (n,) of an energy without that of loads, a reaction, or a place or rotation; else None."""
         equilibrium, model = self.equilibrium, self.equilibrium.model
         d = equilibrium.zero if equilibrium.linear else model.displacements(z, equilibrium.t)
