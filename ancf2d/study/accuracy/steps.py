@@ -53,7 +53,7 @@ class Motion:
         # by accident two runs may agree in one value, but hardly over a whole course
         if window_of(goal) is None and not pursuit.loaded.case.contacts and not pursuit.ends_within(
                 self._setting(WHOLE)):
-            level, verdict = self._verified(wanted)
+            level, verdict = self.verified(wanted)
             if verdict is not None and verdict.error <= wanted:
                 return level, verdict.error, verdict.estimate
             return self._on_three_meshes(wanted, WHOLE, BEYOND)
@@ -61,7 +61,7 @@ class Motion:
         self.predicted = {name: 4 * meshes[name].count(0.25 * n) for name, n in self.predicted.items()}
         return self._on_three_meshes(wanted, WHOLE // 2, WHOLE)
 
-    def _verified(self, wanted: float) -> tuple[Level, Verdict | None]:
+    def verified(self, wanted: float) -> tuple[Level, Verdict | None]:
         """Return the predicted mesh, and its verdict by one run that is finer in space and time.
 
         That run leaves at most two thirds of the error.
