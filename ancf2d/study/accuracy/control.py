@@ -11,7 +11,6 @@ from ...case import Case, FrequencyResponse, Goal, LoadedCase, QuasiStatic, Rect
 from ...errors import ComputationError, many
 from ...model.curve import stretches
 from ...model.plan import acting_points
-from ...solvers.motion.schemes import default_method
 from ..goal import GoalValue, Target, goal_kind
 from ..order import Estimate
 from ..record import Progress
@@ -91,8 +90,8 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
     pursuit = Pursuit(dense or _with_tolerance(loaded, BEGUN * wanted), wanted, progress or Progress(), target, tell)
     if dense is not None:
         pursuit.model_error = pursuit.report["points_error"] = POINTS * wanted
-    if _open_bodies(loaded) or not Direct(pursuit, {}, wanted).applies():
-        pursuit.default = default_method(prepare(first_mesh(loaded)))
+    if _open_bodies(loaded) or not (loaded.case.solver.moves or Direct(pursuit, {}, wanted).applies()):
+        prepare(first_mesh(loaded))
     for name, body in flexible(loaded.case).items():
         if body.element.nodes == "regular" and stretches(body.geometry, acting_points(loaded.case)[name])[1:]:
             pursuit.tell(f"bodies.{name}: nodes are placed where something acts, despite nodes: regular, because "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from ...errors import Ancf2dError, CaseError, ComputationError, many, verdict
 from ...model.model import Model
 from ...solvers.motion.schemes import DEFAULT, SHARPER, default_method
 from ...solvers.registry import solve
-from ..goal import Solved, Target, solve_for_goal
+from ..goal import Solved, Target, course_of_goal, solve_for_goal
 from ..order import Estimate
 from ..record import Progress
 from ..run import Outcome, Solve, prepare
@@ -40,7 +41,7 @@ class Pursuit:
     ``model_error``: the error of simpler models or frequencies, which meshes do not show; ``guesses``: statics may
     start from the ``latest`` state of the same element types on another mesh. ``last``: the level solved last, and its
     solution; ``case``: the case with its setting. ``weights``: the influence of each body's mesh on the goal, relative
-    to the others; ``by_adjoint``: they come from the adjoint. ``default``: the integrator of motions, once it is known.
+    to the others; ``by_adjoint``: they come from the adjoint.
     """
 
     loaded: LoadedCase
@@ -60,7 +61,6 @@ class Pursuit:
     case: LoadedCase | None = None
     weights: dict[str, float] = field(default_factory=dict)
     by_adjoint: bool = False
-    default: str | None = None
 
     def solve(self, setting: Setting, why: str, estimate_of: EstimateOf | None = None) -> Level:
         """Return the level of a setting, solved unless it is known.
@@ -75,6 +75,20 @@ class Pursuit:
                 self._run(level, None, lambda model: solve(model, self._guess(model, level)))
             else:
                 self._run(level, estimate_of)
+        return level
+
+    def solve_aside(self, setting: Setting, why: str) -> Level:
+        """Same as ``solve`` for a motion that is not the result: only the course of its goal, without a summary."""
+        level = self.known.get(setting.name)
+        if level is None:
+            level, began = self.new_level(setting, why), time.perf_counter()
+            try:
+                model, level.answer, level.iterations, level.step_count = course_of_goal(
+                    with_setting(self.loaded, setting))
+                level.dofs = model.n_q
+            except (ComputationError, MemoryError) as error:
+                level.reason = verdict(error)[1]
+            level.wall_s = time.perf_counter() - began
         return level
 
     def new_level(self, setting: Setting, why: str) -> Level:
@@ -216,9 +230,9 @@ class Pursuit:
         """Return a setting with a method more accurate than the default; one that the case names is kept."""
         if getattr(self.loaded.case.solver, "method", "") is not None:
             return setting
-        if self.default is None:
-            self.default = default_method(prepare(with_setting(self.loaded, setting)))
-        return replace(setting, method=SHARPER if self.default == DEFAULT else None)
+        # models with impacts, which have another default, are never verified before they are solved
+        other = self.last is not None and default_method(self.last[1].model) != DEFAULT
+        return replace(setting, method=None if other else SHARPER)
 
     def why_refused(self, setting: Setting) -> Ancf2dError | None:
         """Return why the case cannot be built with a setting, or None if it can."""

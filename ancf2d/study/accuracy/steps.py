@@ -72,7 +72,7 @@ class Motion:
         def estimate_of(level: Level) -> tuple[Estimate, float]:
             nonlocal verdict
             if 4 * level.work <= MOST_WORK and finer.elements <= MOST_ELEMENTS:
-                fine = pursuit.solve(finer, "finer in space and time, to verify")
+                fine = pursuit.solve_aside(finer, "finer in space and time, to verify")
                 verdict = verdict_of_two(level, fine, BEYOND / WHOLE)
             if verdict is None:
                 return Estimate(None, None, None, False, "no finer run verifies it"), math.inf
