@@ -115,7 +115,8 @@ def _summary(loaded: LoadedCase, model: Model, state: Any) -> dict[str, Any]:
     from ..measures import last_summary
 
     return last_summary(model, [state], goal.reaction is not None, goal_kind(goal) in ("force", "moment"),
-                        probes=[goal.probe] if goal.probe else [])
+                        probes=[goal.probe] if goal.probe else [],
+                        energy=bool(goal.quantity) and goal.probe is None and goal.reaction is None)
 
 
 def verdict_of_two(middle: Level, fine: Level, finer: float = 2.0) -> Verdict | None:
