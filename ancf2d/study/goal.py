@@ -12,6 +12,7 @@ import numpy as np
 from ..case import Dynamic, FrequencyResponse, Goal, LoadedCase, Solver
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError
+from ..model.build import build_model
 from ..model.model import Model
 from ..quantities import DISPLACEMENTS, KIND_OF
 from .record import Progress
@@ -252,6 +253,24 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, target:
     return Solved(found[0], outcome, watch.last)
 
 
+def course_of_goal(loaded: LoadedCase) -> tuple[Model, GoalValue, int, int]:
+    """Solve a motion for the course of its goal alone; return the model, the answer, iterations, and steps.
+
+    Raises CaseError, and ComputationError if the motion fails.
+    """
+    from ..solvers.registry import solve
+
+    loaded = for_study(loaded)
+    model, watch = build_model(loaded), _GoalRecorder(goal_of(loaded), loaded.case.solver, False)
+    watch.begin(model)
+    steps = iterations = 0
+    for state in solve(model):
+        watch.record(state)
+        done = state.blocks.get("iterations", ())
+        steps, iterations = steps + len(done), iterations + int(sum(done))
+    return model, watch.course_answer(), iterations, steps
+
+
 class _GoalRecorder:
     """Records the goal of a motion state by state; with ``whole``, responses are compared over all frequencies."""
 
@@ -267,7 +286,9 @@ class _GoalRecorder:
         """Store the model before it is solved."""
         from ..solvers.post import Observer
 
-        self.model, self.observer = model, Observer(model)
+        # other probes than the goal's only cost time
+        named = () if self.goal is None or self.goal.probe is None else (self.goal.probe,)
+        self.model, self.observer = model, Observer(model, named=named)
 
     def record(self, state: Any) -> None:
         """Record the next state."""
@@ -302,7 +323,11 @@ class _GoalRecorder:
         if not self.course:
             period = 2.0 * math.pi if self.goal.part == "phase" else 0.0
             return GoalValue(value, error_scale(value, smallest), None, smallest, period=period)
-        return GoalValue(value, max(self.largest, TINY), np.array(self.course), smallest)
+        return replace(self.course_answer(), value=value, smallest=smallest)
+
+    def course_answer(self) -> GoalValue:
+        """Return the answer of a motion, without the scale of other quantities."""
+        return GoalValue(self.course[-1], max(self.largest, TINY), np.array(self.course))
 
     def _summary(self, state: Any) -> dict[str, Any]:
         """Return the part of a summary that the goal can refer to, at one state."""

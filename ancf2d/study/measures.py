@@ -315,7 +315,8 @@ class GoalValues:
     def __call__(self, model: Model, states: Sequence[Any]) -> Array:
         """Return the values. Raises ComputationError if the solver does not compute one of them."""
         summary = last_summary(model, states, any(g.reaction is not None for g in self.goals),
-                               goals=self.goals)
+                               goals=self.goals, probes={str(goal.probe) for goal in self.goals},
+                               energy=any(goal.probe is None and goal.reaction is None for goal in self.goals))
         found = [quantity(goal, summary) for goal in self.goals]
         for goal, value in zip(self.goals, found, strict=True):
             if value is None:
@@ -361,11 +362,12 @@ def probes_alike(one: Model, other: Model, names: Iterable[str]) -> bool:
 
 
 def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, forces: bool = False,
-                 goals: Sequence[Goal] = (), probes: Container[str] | None = None) -> dict[str, Any]:
+                 goals: Sequence[Goal] = (), probes: Container[str] | None = None, energy: bool = True
+                 ) -> dict[str, Any]:
     """Return the part of a summary that goals read, at the last state of a run.
 
-    Reactions and section forces at probes are included on request, all ``probes`` if none are named; ``goals`` over
-    windows of time use all states.
+    Reactions, energies and section forces at probes are included on request, all ``probes`` if none are named;
+    ``goals`` over windows of time use all states.
     """
     from ..solvers.post import Observer, energies, reactions
 
@@ -373,7 +375,8 @@ def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, force
     observer = Observer(model, named=probes)
     observer.forces |= forces
     out: dict[str, Any] = {"probes": observer.observe(state)}
-    out["energy"] = dict(state.history) if model.case.solver.moves else energies(model, state)
+    if energy:
+        out["energy"] = dict(state.history) if model.case.solver.moves else energies(model, state)
     if reacts:
         out["reactions"] = reactions(model, state)
     windows = Windows(model, goals)

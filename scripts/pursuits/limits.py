@@ -57,12 +57,15 @@ class Solver:
             self.kept.write_bytes(pickle.dumps(self.known))
 
     def solve(self, counts: dict[str, int], tolerance: float | None = None,
-              types: dict[str, Variant] | None = None, nodes: dict[str, tuple[float, ...]] | None = None) -> Level:
+              types: dict[str, Variant] | None = None, nodes: dict[str, tuple[float, ...]] | None = None,
+              method: str | None = None) -> Level:
         """Return a level, of geometrically exact beams where types are left open; without an answer where it failed."""
         types = self.types if types is None else types
-        name = (tuple(counts.items()), tuple(types.items()), tolerance, *((nodes or {}).items()))
+        name = (tuple(counts.items()), tuple(types.items()), tolerance, *((nodes or {}).items()),
+                *([method] if method else []))
         if name not in self.known:
-            level = self.known[name] = Level(Setting(counts, types, tolerance, nodes or {}), "")
+            level = self.known[name] = Level(Setting(counts, types, tolerance, nodes or {}, method=method),
+                                               "")
             try:
                 found = solve_for_goal(with_setting(self.loaded, level.setting))
             except ComputationError as error:
@@ -77,7 +80,7 @@ class Solver:
         named = {name: chosen["element"] for name, chosen in accuracy.get("types", {}).items()}
         types = {name: Variant("rigid") if kind == "rigid" else parse_variants(kind)[0] for name, kind in named.items()}
         nodes = {name: tuple(places) for name, places in (accuracy["nodes"] or {}).items()}
-        return self.solve(accuracy["elements"], accuracy["tolerance"], types, nodes)
+        return self.solve(accuracy["elements"], accuracy["tolerance"], types, nodes, accuracy["method"])
 
     def even(self, size: int) -> dict[str, int]:
         """Return the counts of a mesh with the least of each body, times a size."""

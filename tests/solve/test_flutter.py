@@ -42,6 +42,22 @@ def test_becks_column(element: str, count: int) -> None:
     assert found["omega"] == pytest.approx(11.0156, rel=1e-4)
 
 
+@pytest.mark.parametrize(("element", "slenderness", "count"), [
+    ("vallejo", 1e5, 16), ("reissner3", 1e6, 16), pytest.param("cable", 1e8, 200, marks=pytest.mark.slow),
+    pytest.param("cable", 1e10, 16, marks=pytest.mark.slow)])
+def test_very_slender_columns_flutter_at_the_same_load(element: str, slenderness: float, count: int) -> None:
+    """Shifts above the round-off of thin sections miss the lowest motions. A warning says where their digits end."""
+    EI, length = 2e11 * 0.1**4 / 12.0, 0.1 * slenderness
+    section = {"section": {"height": 0.1, "width": 0.1}, "material": {"E": 2e11, "nu": 0.3, "rho": 7850}}
+    body = {"geometry": {"type": "line", "start": [0, 0], "end": [length, 0]}, **section}
+    case = column({**TIP, "value": [-EI / length**2, 0]}, element=element, count=count)
+    case["bodies"]["c"] = {"element": case["bodies"]["c"]["element"], **body}
+    solution = ancf2d.solve(case, states=False)
+    assert solution.summary["load_factors"] == pytest.approx([20.05], rel=1e-4)
+    lost = [text for text in solution.warnings if "round-off limits" in text]
+    assert bool(lost) == (slenderness > 1e7 and (count > 100 or slenderness > 1e9))
+
+
 def test_sections_without_rotary_inertia_flutter_all_the_same() -> None:
     """Their rotations have stiffness and no mass: the lowest modes keep their digits beside a huge K/M."""
     section = {"EA": 2e5, "kGA": 2e5, "EI": 1, "rhoA": 1, "rhoI": 0}

@@ -12,7 +12,7 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from .changes import Change
 from .linearised import Linearised
-from .lowest_modes import characteristic, first_shift
+from .lowest_modes import Pencil, characteristic, lowest, soft_shift
 from .projected import (
     Complex,
     Quadratic,
@@ -48,8 +48,8 @@ GUESSES, INSIDE = 65, 1e-3
 # share of the squared distance of two eigenvalues below which they are close between two factors, and relative error of
 # the prediction that requires a halving; largest number of such halvings, and of samples between two factors
 CLOSE, MISSED, HALVINGS, MOST_GUESSES = 0.1, 0.3, 3, 40
-# points of the root locus
-POINTS = 80
+# points of the root locus; a shift this many times the size of elastic eigenvalues may hide the lowest motions
+POINTS, HIDES = 80, 1e3
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,15 @@ class Critical:
 class Stability:
     """Critical factors, lowest first; ``last``: the factor up to which all were searched; columns of the root locus.
 
-    ``doubtful``: factors from which motions seem to grow in the lowest modes, but not in the whole space.
+    ``doubtful``: factors from which motions seem to grow in the lowest modes, but not in the whole space. ``error``:
+    relative error that round-off may cause in the lowest frequencies without loads.
     """
 
     critical: list[Critical]
     doubtful: list[float]
     last: float
     locus: dict[str, list[float]]
+    error: float = 0.0
 
 
 def critical_factors(small: Linearised, change: Change, modes: int) -> Stability:
@@ -103,7 +105,7 @@ def critical_factors(small: Linearised, change: Change, modes: int) -> Stability
             found.append(critical)
             low = track.start(critical.factor * (1 + PAST))
     end = 1.5 * max((c.factor for c in found), default=low.factor)
-    return Stability(found, doubtful, low.factor, track.locus(np.linspace(0.0, end, POINTS)))
+    return Stability(found, doubtful, low.factor, track.locus(np.linspace(0.0, end, POINTS)), track.error)
 
 
 @dataclass(frozen=True)
@@ -123,10 +125,11 @@ class _Track:
         self.small, self.change, self.pairs = small, change, modes + EXTRA
         self.limit = DAMPED if small.rates.damps or change.damps or small.relaxing else UNDAMPED
         pencil = small.pencil_with_mass()
-        self.first_shift = math.sqrt(first_shift(pencil))
-        self.rest_limit = AT_REST * math.sqrt(characteristic(pencil))
+        shift, size = soft_shift(pencil), characteristic(pencil)
+        self.first_shift, self.rest_limit = math.sqrt(shift), AT_REST * math.sqrt(size)
         problem, self.terms = self._problem(0.0), list[Term]()
         self.space = Space(problem, within_constraints(problem))
+        self.error = self._add_modes(pencil) if shift > HIDES * size else 0.0
         self._project(0.0)
         # relaxation rates do not count as vibrations
         s = np.abs(self._values(0.0, relaxes=False))
@@ -136,6 +139,13 @@ class _Track:
         stiffer = math.sqrt(1.0 + max((sum(g for g, _ in one.terms) for one in small.relaxing), default=0.0))
         self.radius = float(np.sort(s)[min(2 * self.pairs, len(s)) - 1]) * (1 + 1e-6) * stiffer
         self.smallest = self._smallest()
+
+    def _add_modes(self, pencil: Pencil) -> float:
+        """Add the lowest modes without loads, which a far larger shift misses; return their relative error."""
+        modes, problem = lowest(pencil, self.pairs), self.space.problem
+        for x in modes.vectors:
+            self.space.add(np.where(problem.is_coordinate, x, 0.0))
+        return float(0.5 * modes.error[np.abs(modes.values) > modes.floor].max(initial=0.0))
 
     def _problem(self, factor: float, relaxes: bool = False, rigid_dashpots: bool = False) -> Quadratic:
         """Return the problem at a load factor, with the complex modulus, or with ``rigid_dashpots``."""

@@ -206,7 +206,7 @@ def first_shift(pencil: Pencil) -> float:
     return max(characteristic(pencil), ROUND_OFF * float(np.max(_ratios(pencil), initial=0.0)))
 
 
-def _soft_shift(pencil: Pencil) -> float:
+def soft_shift(pencil: Pencil) -> float:
     """Return the same, above the round-off that K causes in motions that strain little [1/s^2].
 
     These are about as large as rigid motions. The largest K_ii/M_ii is that of thin, light sections, and its round-off
@@ -227,7 +227,7 @@ def find_shift(pencil: Pencil) -> float:
     Negative eigenvalues that only round-off of K causes may be lower: a shift far below all others would not tell these
     apart.
     """
-    first = shift = _soft_shift(pencil)
+    first = shift = soft_shift(pencil)
     for _ in range(60):
         pivots = pencil.factor(-shift)
         if pencil.negative(pivots) in (0, None) and pivots.bad < 0:

@@ -16,7 +16,7 @@ from ...model.model import Model
 from ..resolution import Resolution
 from ..small_motions.changes import about_without_flow, load_change, set_speed, speed_change
 from ..small_motions.classify import Classifier
-from ..small_motions.eigen import full_shapes
+from ..small_motions.eigen import POOR, full_shapes
 from ..small_motions.flutter import Stability, critical_factors
 from ..small_motions.linearised import Base, Linearised, base_state, to_sparse
 from ..small_motions.lowest_modes import Pencil, map_rows, ritz
@@ -172,6 +172,9 @@ def _stability_state(small: Linearised, u: Array, found: Stability, modes: int, 
     warnings += [f"a small motion may begin to grow near the {called} {factor:.4g}, but round-off hides whether it "
                  "does, as it can in very slender bodies. Check with solver eigen and about: static at that load, or "
                  f"use {coarser}" for factor in found.doubtful]
+    if found.error > POOR:
+        warnings.append("round-off limits the accuracy of the lowest frequencies without loads to about "
+                        f"{found.error:.1g} of their values, so {called}s may be wrong. Use {coarser}")
     for c in found.critical:
         if c.factor * size > FAR:
             warnings.append(f"load factor {c.factor:.6g}: the linear response rotates or strains the model by "

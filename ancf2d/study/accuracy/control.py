@@ -90,7 +90,7 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
     pursuit = Pursuit(dense or _with_tolerance(loaded, BEGUN * wanted), wanted, progress or Progress(), target, tell)
     if dense is not None:
         pursuit.model_error = pursuit.report["points_error"] = POINTS * wanted
-    if _open_bodies(loaded) or not Direct(pursuit, {}, wanted).applies():
+    if _open_bodies(loaded) or not (loaded.case.solver.moves or Direct(pursuit, {}, wanted).applies()):
         prepare(first_mesh(loaded))
     for name, body in flexible(loaded.case).items():
         if body.element.nodes == "regular" and stretches(body.geometry, acting_points(loaded.case)[name])[1:]:

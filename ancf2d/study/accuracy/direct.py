@@ -22,6 +22,7 @@ from ...model.curve import stretches
 from ..order import Estimate
 from ..run import Solve
 from ..variants import Variant, described
+from .judging import relative_distance
 from .mesh import influence_by_body
 from .neighbours import Neighbour, Verdict, solve_neighbour, verdict_of, verdict_of_two
 from .pursuit import MOST_ELEMENTS, MOST_WORK, EstimateOf, Pursuit
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
 
 # most elements of a body in the first mesh, and number of corrections
 FIRST, CORRECTIONS = 128, 3
+# finer neighbours of a mesh that shows no order, each twice as fine; of the wanted error: load steps that lead further
+# away end in another state
+CLIMBED, STRAYED = 4, 0.1
 # times the elements predicted from the order: a correction costs more than a few extra elements
 MORE = 1.25
 # of the wanted error: target of a predicted mesh; and the largest refinement at once
@@ -72,8 +76,8 @@ class Direct:
     types: dict[str, Variant]
     wanted: float
     verdict: Verdict | None = None
-    fine: Neighbour | None = None
-    finer: Level | None = None
+    middle: tuple[Level, Neighbour] | None = None
+    finer: tuple[Level, Neighbour] | None = None
     orders: dict[str, float] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -87,58 +91,54 @@ class Direct:
         if not self.applies():
             return None
         setting, why = self.first(), "predicted from the order of the element type"
-        unseen = 0
         for _ in range(1 + 2 * CORRECTIONS):
             if 2 * setting.elements > MOST_ELEMENTS:
                 return None
             level = self.pursuit.solve_as_result(setting, why, self._estimate_of)
-            verdict = self.verdict
-            if level.answer is None:
+            verdict, middle, finer = self.verdict, self.middle, self.finer
+            if level.answer is None or middle is None or finer is None:
                 return None
             if verdict is None:
-                # perhaps too coarse: of the mesh twice as fine, two of the three meshes are known already
-                unseen += 1
-                found = None if unseen == 1 else self._refined_locally(level)
-                if unseen > 1 + CORRECTIONS:
-                    return None
-                setting, why = found or self._doubled(setting)
-                continue
-            if verdict.error <= self.wanted:
-                return level, verdict.error, verdict.estimate
-            if verdict.finer_error <= self.wanted and self.finer is not None:
-                self.pursuit.tell(f"{many(self.finer.setting.elements, 'element')}: the result")
-                finer = self.pursuit.resolve_as_result(self.finer, _always(verdict.estimate, verdict.finer_error),
-                                                       self._known_states())
-                return None if finer.answer is None else (finer, verdict.finer_error, verdict.estimate)
-            if verdict.estimate.order is None or 4 * level.work > MOST_WORK:
+                found = self._refined_locally()
+            elif verdict.error <= self.wanted:
+                return self._as_result(middle, verdict, verdict.error)
+            elif verdict.finer_error <= self.wanted:
+                return self._as_result(finer, verdict, verdict.finer_error)
+            else:
+                hopeless = verdict.estimate.order is None or 4 * level.work > MOST_WORK
+                found = None if hopeless else self._next(verdict)
+            if found is None:
                 return None
-            setting, why = self._next(level, verdict)
+            setting, why = found
         return None
 
-    @staticmethod
-    def _doubled(setting: Setting) -> tuple[Setting, str]:
-        """Return the mesh twice as fine, and why it is tried."""
-        counts = {name: 2 * n for name, n in setting.counts.items()}
-        return replace(setting, counts=counts), "twice as fine, because the neighbours show no order"
+    def _as_result(self, found: tuple[Level, Neighbour], verdict: Verdict, error: float
+                   ) -> tuple[Level, float, Estimate] | None:
+        """Return a level as the result, written; None if its load steps lead elsewhere."""
+        (level, solved), pursuit = found, self.pursuit
+        if pursuit.written is not level:
+            before = replace(level)
+            pursuit.tell(f"{many(level.setting.elements, 'element')}: the result")
+            # without load steps the states are known
+            known: Solve | None = None if pursuit.loaded.case.solver.takes_guess else lambda model: iter(solved.states)
+            pursuit.resolve_as_result(level, _always(verdict.estimate, error), known)
+            if level.answer is None or relative_distance(before, level) > STRAYED * self.wanted:
+                return None
+        return level, error, verdict.estimate
 
-    def _refined_locally(self, level: Level) -> tuple[Setting, str] | None:
+    def _refined_locally(self) -> tuple[Setting, str] | None:
         """Return a mesh with far shorter elements where a mesh that shows no order yet has the largest errors.
 
         None if there is no adjoint, or if all elements would be shorter: layers may be thinner than all elements.
         """
         found = self._parts()
-        if found is None:
+        if found is None or self.middle is None:
             return None
-        nodes = self._graded(level, found, (0.5 * LEAP) ** UNSEEN, UNSEEN)
+        nodes = self._graded(found, (0.5 * LEAP) ** UNSEEN, UNSEEN)
         fewer = {name: 2 * (len(given) - 1) for name, given in nodes.items()}
-        if sum(fewer.values()) > 0.25 * LEAP * level.setting.elements:
+        if sum(fewer.values()) > 0.25 * LEAP * self.middle[0].setting.elements:
             return None
         return Setting(fewer, self.types, None, nodes), "elements as the error of each asks for"
-
-    def _known_states(self) -> Solve | None:
-        """Return a function that gives the states of the finer mesh, or None if load steps have to be solved."""
-        fine = self.fine
-        return None if fine is None or self.pursuit.loaded.case.solver.takes_guess else lambda model: iter(fine.states)
 
     def applies(self) -> bool:
         """Return whether meshes can be judged by neighbours: values are numbers, and no kink moves through elements."""
@@ -173,43 +173,61 @@ class Direct:
         return Setting(counts, self.types)
 
     def _estimate_of(self, level: Level) -> tuple[Estimate, float]:
-        """Judge the level solved last with the help of its neighbours."""
-        pursuit = self.pursuit
-        self.verdict = self.fine = self.finer = None
+        """Judge the level solved last with the help of its neighbours, or the first of finer ones that can be."""
+        pursuit, order = self.pursuit, max(self.orders.values())
         assert pursuit.last is not None
         assert pursuit.case is not None
-        loaded, solved = pursuit.case, pursuit.last[1]
-        fine, self.fine = pursuit.add_neighbour(solve_neighbour(loaded, solved, level, True))
+        self.verdict = self.finer = None
+        self.middle = level, Neighbour(pursuit.case, pursuit.last[1].model, [pursuit.last[1].state])
+        fine = self._neighbour(True)
         verdict = verdict_of_two(level, fine)
         if verdict is not None and verdict.error > self.wanted:
-            coarse = self._known_coarser(level) or pursuit.add_neighbour(
-                solve_neighbour(loaded, solved, level, False))[0]
-            verdict = verdict_of(coarse, level, fine, max(self.orders.values()))
+            verdict = verdict_of(self._known_coarser(level) or self._neighbour(False), level, fine, order)
+        for _ in range(CLIMBED):
+            # perhaps too coarse
+            if verdict is not None or self.finer is None or 4 * fine.setting.elements > MOST_ELEMENTS:
+                break
+            coarse, self.middle = self.middle[0], self.finer
+            fine = self._neighbour(True)
+            verdict = verdict_of_two(self.middle[0], fine)
+            if verdict is None or verdict.error > self.wanted:
+                verdict = verdict_of(coarse, self.middle[0], fine, order)
+        self.verdict = verdict
         if verdict is None:
             return Estimate(None, None, None, False, "its neighbours show no order"), math.inf
-        self.verdict, self.finer = verdict, fine
-        level.estimate, fine.estimate = verdict.error, verdict.finer_error
+        self.middle[0].estimate, fine.estimate = verdict.error, verdict.finer_error
         if len(level.setting.counts) > 1:
-            self._find_weights(level)
+            self._find_weights()
+        if self.middle[0] is not level:
+            return Estimate(None, None, None, False, "finer meshes have other values"), math.inf
         return verdict.estimate, verdict.error
 
-    def _find_weights(self, level: Level) -> None:
+    def _neighbour(self, finer: bool) -> Level:
+        """Solve a neighbour of the mesh to be judged; return its level."""
+        assert self.middle is not None
+        level, found = self.pursuit.add_neighbour(solve_neighbour(*self.middle, finer))
+        if finer:
+            self.finer = None if found is None else (level, found)
+        return level
+
+    def _find_weights(self) -> None:
         """Find the influence of each body's mesh on the goal, by the adjoint if there is one, else by refining it."""
         pursuit, found = self.pursuit, self._parts()
+        assert self.middle is not None
         if found is not None:
             pursuit.weights, pursuit.by_adjoint = found.bodies, True
         elif not pursuit.weights:
-            kept = pursuit.last, pursuit.case
+            level = self.middle[0]
             pursuit.weights = influence_by_body(pursuit, (self._known_coarser(level) or level).setting) or {}
-            pursuit.last, pursuit.case = kept
 
     def _parts(self) -> Weighted | None:
-        """Return the contributions of elements to the error of the level solved last, or None without an adjoint."""
-        assert self.pursuit.last is not None
-        assert self.pursuit.case is not None
+        """Return the contributions of elements to the error of the judged mesh, or None without an adjoint."""
         from .weighted import weighted
 
-        return None if self.fine is None else weighted(self.pursuit.case, self.pursuit.last[1], self.fine)
+        if self.finer is None or self.middle is None:
+            return None
+        level, solved = self.middle
+        return weighted(solved.loaded, solved.solved(level), self.finer[1])
 
     def _known_coarser(self, level: Level) -> Level | None:
         """Return the level of the mesh half as fine if it is solved already."""
@@ -217,9 +235,11 @@ class Direct:
         found = self.pursuit.known.get(replace(level.setting, counts=counts).name)
         return None if found is None or found.answer is None else found
 
-    def _next(self, level: Level, verdict: Verdict) -> tuple[Setting, str]:
+    def _next(self, verdict: Verdict) -> tuple[Setting, str]:
         """Return the mesh predicted to suffice, with unequal elements if these save enough, and why it is tried."""
         assert verdict.estimate.order is not None
+        assert self.middle is not None
+        level = self.middle[0]
         p = min(max(verdict.estimate.order, 1.0), max(self.orders.values()))
         excess = min(verdict.error / (AIM * self.wanted), LEAP**p)
         factor, counts = excess ** (1.0 / p), {}
@@ -230,19 +250,19 @@ class Direct:
         even = replace(level.setting, counts=counts)
         found = self._parts()
         if found is not None:
-            nodes = self._graded(level, found, excess, p)
+            nodes = self._graded(found, excess, p)
             fewer = {name: 2 * (len(given) - 1) for name, given in nodes.items()}
             if sum(fewer.values()) < PAYS * even.elements:
                 return Setting(fewer, self.types, None, nodes), "elements as the error of each asks for"
         return even, "predicted from the observed order"
 
-    def _graded(self, level: Level, found: Weighted, excess: float, p: float) -> dict[str, tuple[float, ...]]:
+    def _graded(self, found: Weighted, excess: float, p: float) -> dict[str, tuple[float, ...]]:
         """Return every second node of a mesh with equal contributions, whose error is smaller by ``excess``.
 
         Pairs of elements are halved repeatedly: this gives few different lengths, so that models are built quickly.
         """
-        assert self.pursuit.last is not None
-        meshes = self.pursuit.last[1].model.meshes
+        assert self.middle is not None
+        level, meshes = self.middle[0], self.middle[1].model.meshes
         parts = {name: _smooth(abs(w.reshape(-1, 2).sum(axis=1))) for name, w in found.elements.items()
                  if name in level.setting.counts}
         whole = sum(float(w.sum()) for w in parts.values())

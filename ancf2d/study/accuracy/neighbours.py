@@ -16,9 +16,9 @@ from ...errors import Ancf2dError
 from ...model.build import build_model
 from ...model.model import Model
 from ...solvers.registry import solve
-from ..goal import GoalValue, Solved, goal_kind
+from ..goal import GoalValue, Solved, error_scale, goal_kind
 from ..order import ROUND_OFF, Estimate
-from ..run import quantity
+from ..run import Outcome, quantity
 from .setting import Level
 
 # safety factor of an estimate, and that for values that oscillate about their limit
@@ -46,6 +46,11 @@ class Neighbour:
         """The last state."""
         return self.states[-1]
 
+    def solved(self, level: Level) -> Solved:
+        """Return it as the solution of a level."""
+        assert level.answer is not None
+        return Solved(level.answer, Outcome({}, self.model), self.state)
+
 
 @dataclass
 class Verdict:
@@ -68,12 +73,12 @@ def coarsened(loaded: LoadedCase) -> LoadedCase:
     return replace(loaded, case=replace(loaded.case, bodies=bodies))
 
 
-def solve_neighbour(loaded: LoadedCase, solved: Solved, level: Level, finer: bool) -> tuple[Level, Neighbour | None]:
+def solve_neighbour(level: Level, known: Neighbour, finer: bool) -> tuple[Level, Neighbour | None]:
     """Solve the mesh twice as fine as a solved one, or half as fine; return its level and its state.
 
     If it cannot be solved, the level has no answer and the second value is None.
     """
-    setting, size = level.setting, 2.0 if finer else 0.5
+    setting, size, loaded = level.setting, 2.0 if finer else 0.5, known.loaded
     other = Level(replace(setting, counts={name: round(n * size) for name, n in setting.counts.items()}),
                   "twice as fine, to verify" if finer else "half as fine, to verify", kinks=level.kinks)
     began = time.perf_counter()
@@ -82,7 +87,7 @@ def solve_neighbour(loaded: LoadedCase, solved: Solved, level: Level, finer: boo
         # with an accuracy set, the solver does not check whether the mesh is fine enough
         case = replace(case, case=replace(case.case, accuracy=case.case.accuracy or 1.0))
         model = build_model(case)
-        states = _solved(model, solved)
+        states = _solved(model, known.solved(level))
         value = quantity(loaded.case.goal, _summary(loaded, model, states[-1])) if states else None
     except (Ancf2dError, MemoryError) as error:
         other.reason = str(error)
@@ -91,7 +96,8 @@ def solve_neighbour(loaded: LoadedCase, solved: Solved, level: Level, finer: boo
     if value is None or level.answer is None:
         return other, None
     other.iterations = int(states[-1].history.get("iterations", 1))
-    other.answer = GoalValue(value, level.answer.size, None, level.answer.smallest, period=level.answer.period)
+    smallest = level.answer.smallest
+    other.answer = GoalValue(value, error_scale(value, smallest), None, smallest, period=level.answer.period)
     return other, Neighbour(case, model, states)
 
 
@@ -109,15 +115,19 @@ def _summary(loaded: LoadedCase, model: Model, state: Any) -> dict[str, Any]:
     from ..measures import last_summary
 
     return last_summary(model, [state], goal.reaction is not None, goal_kind(goal) in ("force", "moment"),
-                        probes=[goal.probe] if goal.probe else [])
+                        probes=[goal.probe] if goal.probe else [],
+                        energy=bool(goal.quantity) and goal.probe is None and goal.reaction is None)
 
 
-def verdict_of_two(middle: Level, fine: Level) -> Verdict | None:
-    """Return the verdict of a mesh and a finer one, whatever the order from 1 on, or None if they show no error."""
+def verdict_of_two(middle: Level, fine: Level, finer: float = 2.0) -> Verdict | None:
+    """Return the verdict of a mesh and one ``finer`` by a factor, whatever the order from 1 on.
+
+    None if they show no error.
+    """
     if middle.answer is None or fine.answer is None or middle.kinks:
         return None
-    size, left = middle.answer.size, 1.0 - 2.0**-UNSHOWN
-    error = SAFETY * abs(fine.answer.gap(middle.answer)) / left
+    size, left = middle.answer.size, 1.0 - finer**-UNSHOWN
+    error = SAFETY * fine.answer.distance(middle.answer) / left
     return Verdict(Estimate(fine.answer.value, error, None, True, ""), error / size, (1.0 - left) * error / size)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from ...errors import Ancf2dError, CaseError, ComputationError, many, verdict
 from ...model.model import Model
 from ...solvers.motion.integrators import DEFAULT, SHARPER, default_method
 from ...solvers.registry import solve
-from ..goal import Solved, Target, solve_for_goal
+from ..goal import Solved, Target, course_of_goal, solve_for_goal
 from ..order import Estimate
 from ..record import Progress
 from ..run import Outcome, Solve, prepare
@@ -74,6 +75,20 @@ class Pursuit:
                 self._run(level, None, lambda model: solve(model, self._guess(model, level)))
             else:
                 self._run(level, estimate_of)
+        return level
+
+    def solve_aside(self, setting: Setting, why: str) -> Level:
+        """Same as ``solve`` for a motion that is not the result: only the course of its goal, without a summary."""
+        level = self.known.get(setting.name)
+        if level is None:
+            level, began = self.new_level(setting, why), time.perf_counter()
+            try:
+                model, level.answer, level.iterations, level.step_count = course_of_goal(
+                    with_setting(self.loaded, setting))
+                level.dofs = model.n_q
+            except (ComputationError, MemoryError) as error:
+                level.reason = verdict(error)[1]
+            level.wall_s = time.perf_counter() - began
         return level
 
     def new_level(self, setting: Setting, why: str) -> Level:
@@ -182,8 +197,8 @@ class Pursuit:
                 "achieved": bool(total <= self.wanted), "order": found.order, "limit": found.value,
                 "by_body": self.by_body(level, error),
                 "elements": dict(level.setting.counts), "nodes": level.setting.node_positions(),
-                "tolerance": level.setting.tolerance, "steps": None, **level.setting.steps, "note": note,
-                "solves": len(self.levels), "wall_s": self.wall_s, **self.report,
+                "tolerance": level.setting.tolerance, "method": level.setting.method, "steps": None,
+                **level.setting.steps, "note": note, "solves": len(self.levels), "wall_s": self.wall_s, **self.report,
                 "path": [level.as_json() for level in self.levels]}
 
     def by_body(self, level: Level, error: float) -> dict[str, float] | None:
@@ -203,16 +218,21 @@ class Pursuit:
         return {name: left * weights.get(name, 0.0) / whole if whole else 0.0 for name in self.loaded.case.bodies}
 
     def sharper(self, setting: Setting) -> Setting:
-        """Return a setting whose finer time steps show the error of those of a solved one.
+        """Return a setting whose finer time steps show the error of those of another one.
 
         If Newton's method limits the steps, a smaller tolerance changes few of them, so the default method is compared
-        with a more accurate one. A method that the case names is kept.
+        with a more accurate one.
         """
         assert setting.tolerance is not None
-        method = setting.method
-        if getattr(self.loaded.case.solver, "method", "") is None and self.last is not None:
-            method = SHARPER if default_method(self.last[1].model) == DEFAULT else None
-        return replace(setting, tolerance=tenth(setting.tolerance), method=method)
+        return replace(self.accurate(setting), tolerance=tenth(setting.tolerance))
+
+    def accurate(self, setting: Setting) -> Setting:
+        """Return a setting with a method more accurate than the default; one that the case names is kept."""
+        if getattr(self.loaded.case.solver, "method", "") is not None:
+            return setting
+        # models with impacts, which have another default, are never verified before they are solved
+        other = self.last is not None and default_method(self.last[1].model) != DEFAULT
+        return replace(setting, method=None if other else SHARPER)
 
     def why_refused(self, setting: Setting) -> Ancf2dError | None:
         """Return why the case cannot be built with a setting, or None if it can."""

@@ -1,8 +1,8 @@
 """Steps to a wanted accuracy: of motions, and of equilibria that depend on the path (friction, materials with memory).
 
-The time steps of a motion are judged on a coarse mesh, its mesh by three meshes. Errors of time steps hardly depend on
-the mesh. So the mesh with half the elements predicted from the order of the element types is also solved with a tenth
-of the tolerance, and the predicted mesh only once.
+A motion is solved on the mesh that the order of the element types predicts, and once more with a finer mesh and finer
+time steps: their distance shows the error of both. Only if it is too large, or says little, are errors of time steps
+and of the mesh told apart, by runs on one mesh and by three meshes.
 """
 
 from __future__ import annotations
@@ -13,9 +13,11 @@ from typing import Any
 
 from ..order import Estimate
 from ..variants import Variant
+from ..windows import window_of
 from .judging import judge, relative_distance
 from .mesh import influence_by_body
-from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_WORK, Pursuit, tenth
+from .neighbours import Verdict, verdict_of_two
+from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_WORK, Pursuit
 from .setting import Level, Setting, meshed
 
 # factors from the difference of two runs to the error of each: a tenth of the tolerance leaves at most a third of it
@@ -24,11 +26,13 @@ LOOSE, TIGHT = 1.5, 0.5
 FINER, SHARE = 1.5, 0.25
 # meshes after the first three; target error and largest refinement of each
 MORE, AIM, LEAP = 2, 0.7, 4.0
+# quarters of the predicted elements: the mesh, and that of the run that verifies it, with a tenth of its tolerance
+WHOLE, BEYOND = 4, 6
 
 
 @dataclass
 class Motion:
-    """Search for a motion with some element types; its first mesh has a quarter of the ``predicted`` elements."""
+    """Search for a motion with some element types, from the mesh with the ``predicted`` elements, multiples of two."""
 
     pursuit: Pursuit
     types: dict[str, Variant]
@@ -41,56 +45,98 @@ class Motion:
     def reach(self, wanted: float) -> tuple[Level, float, Estimate] | None:
         """Return a level whose estimated error is below ``wanted``, its error, and the estimate.
 
-        None if three to five meshes do not reach it.
+        None if five meshes do not reach it.
         """
+        goal, pursuit = self.pursuit.loaded.case.goal, self.pursuit
+        if not self.predicted or goal is None or pursuit.slides(self._setting(WHOLE)):
+            return None
+        # by accident two runs may agree in one value, but hardly over a whole course
+        if window_of(goal) is None and not pursuit.loaded.case.contacts and not pursuit.ends_within(
+                self._setting(WHOLE)):
+            level, verdict = self.verified(wanted)
+            if verdict is not None and verdict.error <= wanted:
+                return level, verdict.error, verdict.estimate
+            return self._on_three_meshes(wanted, WHOLE, BEYOND)
+        meshes = meshed(pursuit.loaded.case, self.types)
+        self.predicted = {name: 4 * meshes[name].count(0.25 * n) for name, n in self.predicted.items()}
+        return self._on_three_meshes(wanted, WHOLE // 2, WHOLE)
+
+    def verified(self, wanted: float) -> tuple[Level, Verdict | None]:
+        """Return the predicted mesh, and its verdict by one run that is finer in space and time.
+
+        That run leaves at most two thirds of the error.
+        """
+        pursuit, verdict = self.pursuit, None
+        finer = pursuit.sharper(self._setting(BEYOND))
+
+        def estimate_of(level: Level) -> tuple[Estimate, float]:
+            nonlocal verdict
+            if 4 * level.work <= MOST_WORK and finer.elements <= MOST_ELEMENTS:
+                fine = pursuit.solve_aside(finer, "finer in space and time, to verify")
+                verdict = verdict_of_two(level, fine, BEYOND / WHOLE)
+            if verdict is None:
+                return Estimate(None, None, None, False, "no finer run verifies it"), math.inf
+            level.estimate = verdict.error
+            if verdict.error <= wanted:
+                self._find_weights()
+            return verdict.estimate, verdict.error
+
+        self.method = finer.method
+        return pursuit.solve_as_result(self._setting(WHOLE), "predicted from the order of the element type",
+                                       estimate_of), verdict
+
+    def _on_three_meshes(self, wanted: float, second: int, size: int) -> tuple[Level, float, Estimate] | None:
+        """Same as ``reach``; the second mesh has some quarters of the predicted elements, the third one ``size``."""
         pursuit = self.pursuit
-        if not self.predicted or pursuit.loaded.case.goal is None or pursuit.slides(self._setting(1)):
+        if not self._choose_tolerance(wanted, second):
             return None
-        if not self._choose_tolerance(wanted):
-            return None
-        size = 4
         for _ in range(1 + MORE):
             setting = self._setting(size)
             if setting.elements > MOST_ELEMENTS or setting.elements * self.levels[-1].iterations > MOST_WORK:
                 return None
-            level = pursuit.solve(setting, "predicted from the order of the element type" if size == 4 else
+            level = pursuit.solve(setting, "predicted from the order of the element type" if size == WHOLE else
                                   "predicted from the observed order", self._estimate_of)
             if level.answer is None:
                 return None
-            self.levels.append(level)
-            found, error = judge(self.levels)
-            if error + self.time_error <= wanted and pursuit.written is level:
-                pursuit.report["time_error"] = self.time_error
+            found, error = judge([*self.levels, level])
+            if error + self.time_error <= wanted:
+                pursuit.write(level, self._estimate_of)
                 return level, error + self.time_error, found
+            self.levels.append(level)
             if found.order is None or found.order <= 0.0:
                 return None
             factor = (error / (AIM * (wanted - self.time_error))) ** (1.0 / min(max(found.order, 1.0), 4.0))
             size *= math.ceil(min(max(factor, 2.0), LEAP))
         return None
 
-    def _setting(self, size: int) -> Setting:
-        meshes = meshed(self.pursuit.loaded.case, self.types)
-        counts = {name: size * meshes[name].count(0.25 * n) for name, n in self.predicted.items()}
+    def _setting(self, quarters: int) -> Setting:
+        counts = {name: n * quarters // WHOLE for name, n in self.predicted.items()}
         return Setting(counts, self.types, self.tolerance, method=self.method)
 
-    def _choose_tolerance(self, wanted: float) -> bool:
-        """Solve two coarse meshes, the second with several tolerances, and choose one; return whether one suffices."""
-        first = self.pursuit.solve(self._setting(1), "a quarter of the elements that are predicted")
-        loose = self.pursuit.solve(self._setting(2), "half of the elements that are predicted")
-        while self.tolerance > LEAST_TOLERANCE and 2 * loose.work <= MOST_WORK:
+    def _find_weights(self) -> None:
+        """Find the influence of each body's mesh on the goal, on a coarse mesh."""
+        if len(self.predicted) > 1 and not self.pursuit.weights:
+            meshes = meshed(self.pursuit.loaded.case, self.types)
+            coarse = {name: meshes[name].count(0.25 * n) for name, n in self.predicted.items()}
+            self.pursuit.weights = influence_by_body(self.pursuit, replace(self._setting(WHOLE), counts=coarse)) or {}
+
+    def _choose_tolerance(self, wanted: float, quarters: int) -> bool:
+        """Solve a mesh with several tolerances and choose one, then half of that mesh; return whether one suffices."""
+        loose = self.pursuit.solve(self._setting(quarters), "first mesh")
+        while (loose.setting.tolerance or 0.0) > LEAST_TOLERANCE and 2 * loose.work <= MOST_WORK:
             tight = self.pursuit.solve(self.pursuit.sharper(loose.setting), "effect of the time steps")
             gap = FINER * relative_distance(loose, tight)
-            if not math.isfinite(gap) or first.answer is None:
+            if not math.isfinite(gap):
                 return False
-            if len(self.predicted) > 1 and not self.pursuit.weights:
-                self.pursuit.weights = influence_by_body(self.pursuit, first.setting) or {}
-            if LOOSE * gap <= SHARE * wanted:
-                self.levels, self.time_error = [first, loose], LOOSE * gap
-                return True
-            self.tolerance, self.method = tenth(self.tolerance), tight.setting.method
-            if TIGHT * gap <= SHARE * wanted:
-                self.levels, self.time_error = [first, tight], TIGHT * gap
-                return True
+            self._find_weights()
+            for level, share in ((loose, LOOSE), (tight, TIGHT)):
+                # the run that verified the predicted mesh has the smaller tolerance
+                if share * gap <= SHARE * wanted and (quarters < WHOLE or level is tight):
+                    assert level.setting.tolerance is not None
+                    self.tolerance, self.method = level.setting.tolerance, level.setting.method
+                    first = self.pursuit.solve(self._setting(quarters // 2), "half of these elements")
+                    self.levels, self.time_error = [first, level], share * gap
+                    return first.answer is not None
             loose = tight
         return False
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...case import Goal, LoadedCase, refined
+from ...case.binder import KINEMATIC
 from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
 from ...model.build import build_model
@@ -75,10 +76,11 @@ def weighted(loaded: LoadedCase, solved: Solved, finer: Neighbour | None = None)
     begin = d[fine.numbering.free]
     near = replace(state, d=fine.displacements(begin, state.t)) if finer is None else finer.state
     try:
-        found = Equilibrium(fine, near, loaded.case.solver.linear)
+        # the solver's own state needs no iterations to remove its last residual
+        found = Equilibrium(fine, near, loaded.case.solver.linear, *([] if finer is None else [0]))
         if finer is None and not _settled(found, begin):
             return None
-        end, J = found.z, _Goal(goal, found)
+        end, J = found.z, GoalOf(goal, found)
         # halfway: with a gradient and tangent taken there, quadratic terms are exact
         g = J.gradient(0.5 * (begin + end), end - begin)
         if g is None:
@@ -107,7 +109,7 @@ def _settled(found: Any, begin: Array) -> bool:
     return bool(found.linear)
 
 
-class _Goal:
+class GoalOf:
     """A goal as a function of the unknowns of an equilibrium."""
 
     def __init__(self, goal: Goal, equilibrium: Any) -> None:
@@ -132,19 +134,16 @@ class _Goal:
         return (self(z + h * way) - self(z - h * way)) / (2.0 * h)
 
     def gradient(self, z: Array, way: Array) -> Array | None:
-        """Return dJ/dz (n,) by differences for unknowns near the goal, or for all if those do not explain ``way``.
+        """Return dJ/dz (n,) by a formula if that explains the change along ``way``.
 
-        None if there are too many unknowns.
+        If not, by differences for unknowns near the goal, or for all if those do not explain it. None if there are too
+        many unknowns.
         """
-        g, known = np.zeros_like(z), np.zeros(len(z), dtype=bool)
+        g, known = self.by_formula(z), np.zeros(len(z), dtype=bool)
         along = self.slope(z, way)
-        if goal_kind(self.goal) == "energy":
-            # elastic forces are the gradient of the energy, unless loads store energy too
-            state = self.equilibrium.state_at(self.equilibrium.model, z)
-            g = self.equilibrium.model.numbering.reduce(state.Q)
-            if abs(float(g @ way) - along) <= OFF * abs(along):
-                return g
-            g = np.zeros_like(z)
+        if g is not None and abs(float(g @ way) - along) <= OFF * abs(along):
+            return g
+        g = np.zeros_like(z)
         everything: Index = np.arange(len(z))
         for some in (self._near(), everything):
             some = some[~known[some]]
@@ -158,6 +157,37 @@ class _Goal:
             if abs(float(g @ way) - along) <= OFF * abs(along):
                 return g
         return None
+
+    def by_formula(self, z: Array) -> Array | None:
+        """Return dJ/dz (n,) of an energy without that of loads, a reaction, or a place or rotation; else None."""
+        equilibrium, model = self.equilibrium, self.equilibrium.model
+        d = equilibrium.zero if equilibrium.linear else model.displacements(z, equilibrium.t)
+        if goal_kind(self.goal) == "energy":
+            # elastic forces are the gradient of the energy, unless loads store energy too
+            full = equilibrium.state_at(model, z).Q
+        elif self.goal.reaction is not None:
+            full = equilibrium.system.action(d, self._of_forces(z), equilibrium.t, equilibrium.linear,
+                                             loads=not equilibrium.linear)
+        elif self.goal.probe is not None and self.goal.quantity in KINEMATIC:
+            turned = equilibrium.system.count(d, equilibrium.t)
+            coords, by, _ = self.observer.slopes(self.goal.probe, str(self.goal.quantity), replace(
+                equilibrium.state, d=d, turned=turned))
+            full = np.zeros(len(d))
+            np.add.at(full, coords, by)
+        else:
+            return None
+        return np.asarray(model.numbering.reduce(full))
+
+    def _of_forces(self, z: Array) -> Array:
+        """Return the derivatives (n_full,) of a reaction by the forces at the coordinates that its support holds."""
+        model = self.equilibrium.model
+        state, out = self.equilibrium.state_at(model, z), np.zeros(len(model.numbering.place))
+        before = float(self.values_of(model, [state])[0])
+        for i in {int(i) for row in model.rows if row.owner == self.goal.reaction for i in row.coords}:
+            Q = state.Q.copy()
+            Q[i] += 1.0
+            out[i] = float(self.values_of(model, [replace(state, Q=Q)])[0]) - before
+        return out
 
     def _near(self) -> Index:
         """Return the unknowns of the elements at the goal's point, and of their neighbours if the goal is a force."""
