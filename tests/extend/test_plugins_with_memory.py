@@ -59,6 +59,20 @@ def test_a_formulation_remembers_the_steps_that_statics_has_accepted() -> None:
 
 
 @pytest.mark.usefixtures("registries")
+def test_derivatives_of_equilibria_are_those_of_the_way_to_them() -> None:
+    """On the way up the fibre slips: N = E ((1 - s) x + s l), dx/dN = 1/(E (1 - s)), not the 1/E of one that sticks."""
+    add("friction")
+    N = force_with_friction([3e-3])[0]
+    case = rubbing({"type": "static"}, loads=[{"type": "force", "at": "rod@1", "value": [N, 0]}],
+                   goal={"probe": "end", "quantity": "ux"})
+    row, = ancf2d.sensitivity(case, ["loads.0.value.0"]).rows
+    assert row.method != "exact"
+    assert row.derivative == pytest.approx(1.0 / (STIFF * (1.0 - SHARE)), rel=1e-9)
+    # the accuracy of such an equilibrium includes that of its load steps
+    assert "steps_error" in ancf2d.solve(case, accuracy=1e-3).accuracy
+
+
+@pytest.mark.usefixtures("registries")
 def test_a_formulation_remembers_the_points_that_a_path_has_accepted() -> None:
     add("friction")
     for method in ("arc_length", "displacement"):
