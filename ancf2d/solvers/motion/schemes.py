@@ -161,7 +161,7 @@ def _forgets(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusa
     """Refuse methods that do not update history variables at the end of each step."""
     if model.remembers and (scheme.scipy is not None or scheme.conserves):
         yield ("method", f"{scheme.name} does not support formulations with memory, such as that of "
-               f"{', '.join(model.remembers)}", "radau5, generalized_alpha, hht or newmark")
+               f"{', '.join(model.remembers)}", "radau5, radau9, generalized_alpha, hht or newmark")
 
 
 def _impacts(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
