@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -31,6 +31,27 @@ SMALLEST = 1e-300
 # greatest number of points along all bodies, to limit the size of the page
 MOST_POINTS = 4000
 REFERENCE, NOW = "#999999", "#1f5fa8"
+# what functions of paths expect
+PATHS = "paths, such as ['bodies.beam.section.height']"
+
+
+def raise_type_error(what: str, expected: str, given: Any) -> NoReturn:
+    """Raise the TypeError for a wrong argument."""
+    raise TypeError(f"{what}: expected {expected}, got {given!r}"[:300])
+
+
+def texts_of(given: Any, what: str, expected: str, single: bool = True) -> tuple[str, ...]:
+    """Return a tuple of texts, empty for None; ``single`` allows one plain string. Raises TypeError for others."""
+    if given is None:
+        return ()
+    if isinstance(given, str) and single:
+        return (given,)
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise_type_error(what, expected, given)
+    found = tuple(given)
+    if not all(isinstance(text, str) for text in found):
+        raise_type_error(what, expected, given)
+    return found
 
 
 def as_html(report: str, before: list[np.ndarray], after: list[np.ndarray]) -> str:
@@ -150,14 +171,15 @@ class Solution:
         goal = self.case.case.goal
         return None if goal is None else quantity(goal, self.summary)
 
-    def gradient(self, paths: Sequence[str]) -> Array:
+    def gradient(self, paths: str | Sequence[str]) -> Array:
         """Return the derivatives (n,) of the goal with respect to the numbers at some paths, by ``sensitivity``.
 
         This plain function of paths suits optimisers and automatic differentiation frameworks. Raises CaseError
         and ComputationError.
         """
-        slopes = {row.path: row.derivative for row in sensitivity(self.case, paths).rows}
-        return np.array([slopes[path] for path in paths])
+        asked = texts_of(paths, "paths", PATHS)
+        slopes = {row.path: row.derivative for row in sensitivity(self.case, asked).rows} if asked else {}
+        return np.array([slopes[path] for path in asked])
 
     # ------------------------------------------------------------------ states
 

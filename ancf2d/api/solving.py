@@ -8,7 +8,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Real
-from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ..case import LoadedCase, load_case_text, with_overrides
 from ..case.axes import Axis, Bounds, read_bounds
@@ -27,7 +27,7 @@ from ..study.run import load as load_file
 from ..study.sensitivity import Sensitivity
 from ..study.sensitivity import sensitivity as differentiate
 from ..study.variants import Variant, parse_variants
-from .solution import Convergence, Solution, Temporary
+from .solution import PATHS, Convergence, Solution, Temporary, raise_type_error, texts_of
 
 if TYPE_CHECKING:
     from ..solvers.discrete import DiscreteModel
@@ -39,11 +39,6 @@ Overrides: TypeAlias = "Mapping[str, Any] | Sequence[str] | None"
 _NUMBER_OF_1_2 = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
 
 
-def raise_type_error(what: str, expected: str, given: Any) -> NoReturn:
-    """Raise the TypeError for a wrong argument."""
-    raise TypeError(f"{what}: expected {expected}, got {given!r}"[:300])
-
-
 def options_of(overrides: Overrides) -> tuple[str, ...]:
     """Return overrides as command-line texts. Raises TypeError if they are neither a mapping nor texts."""
     if overrides is None:
@@ -52,20 +47,6 @@ def options_of(overrides: Overrides) -> tuple[str, ...]:
         plain = json.loads(json.dumps(_as_yaml_1_2(overrides), default=plain_value))
         return tuple(Axis(path, (value,), "").override(value) for path, value in plain.items())
     return texts_of(overrides, "overrides", "a mapping {path: value} or a list of 'path=value' strings", single=False)
-
-
-def texts_of(given: Any, what: str, expected: str, single: bool = True) -> tuple[str, ...]:
-    """Return a tuple of texts, empty for None; ``single`` allows one plain string. Raises TypeError for others."""
-    if given is None:
-        return ()
-    if isinstance(given, str) and single:
-        return (given,)
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        raise_type_error(what, expected, given)
-    found = tuple(given)
-    if not all(isinstance(text, str) for text in found):
-        raise_type_error(what, expected, given)
-    return found
 
 
 def bounds_of(vary: Mapping[str, tuple[float, float]]) -> list[Bounds]:
@@ -218,7 +199,7 @@ def sensitivity(case: CaseLike, to: str | Sequence[str] = (), overrides: Overrid
     Raises CaseError if the case has no goal or a path leads to no number that can vary, ComputationError if the case
     cannot be solved.
     """
-    paths = texts_of(to, "to", "paths, such as ['bodies.beam.section.height']")
+    paths = texts_of(to, "to", PATHS)
     return differentiate(load(case, overrides), paths)
 
 

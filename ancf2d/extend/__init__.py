@@ -7,8 +7,12 @@ the law and uses it in statics, paths, modes and motion, in ``validate``, ``sche
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from inspect import signature
+from types import FunctionType
 from typing import Any
+
+import numpy as np
 
 from ..case import GroundPoint, Point
 from ..case.declare import key, record
@@ -49,6 +53,26 @@ def formulation(made: Formulation) -> Formulation:
         if function is not None and len(signature(function).parameters) != len(arguments):
             raise PluginError(f"formulation '{made.name}': {name}{signature(function)} takes other arguments; expected "
                               f"{name}({', '.join(arguments)})")
+        _check_places(made, name, arguments)
     if FORMULATIONS.setdefault(made.name, made) is not made:
         raise PluginError(f"there is already a formulation '{made.name}'")
     return made
+
+
+def _check_places(made: Formulation, name: str, arguments: tuple[str, ...]) -> None:
+    """Run a function of a law in Python: compiled, it would write beyond the end of its arrays without a message."""
+    law, function = made.law, getattr(made.law, name)
+    if not isinstance(function, FunctionType):
+        return
+    n, m = law.strains, law.fields
+    shapes = {"ref": (law.references,), "u": (m,), "eps": (n,), "sigma": (n,), "J": (n, m), "H": (m, m),
+              "old": (law.state,), "new": (law.state,), "slope": (n, n)}
+    given: dict[str, Any] = {key: np.ones((*shape, 1)) for key, shape in shapes.items()}
+    try:
+        # whether the law has a value at ones, which no body need have, says nothing
+        with np.errstate(all="ignore"), suppress(ArithmeticError, ValueError):
+            function(*(given.get(argument, 1) for argument in arguments))
+    except IndexError as error:
+        sizes = ", ".join(f"{key} {given[key].shape[:-1]}" for key in arguments if key in given)
+        raise PluginError(f"formulation '{made.name}': {name} uses places that its arrays do not have ({error}); by "
+                          f"the StrainLaw, their sizes without lanes are {sizes}") from error

@@ -48,14 +48,17 @@ def blame(error: BaseException) -> PluginError | None:
     files = [*_named(), *(file for file in (getattr(module, "__file__", None) for module in modules) if file)]
     run = [(frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__)
            if frame.filename in files]
-    # numba's message names the file and line of a function that it cannot compile
-    compiled = [(file, line) for file in files for line in re.findall(re.escape(file) + r" \((\d+)\)", str(error))]
+    # numba's message names the file and line of a function that it cannot compile, in one of two forms
+    forms = r'File "(.+?)", line (\d+)', r"(\S+) \((\d+)\)"
+    named = [part for form in forms for part in re.findall(form, str(error))]
+    compiled = [(os.path.abspath(file), line) for file, line in named if os.path.abspath(file) in files]
     if not run and not compiled:
         return None
     file, place = run[-1] if run else compiled[0]
     if run:
         return PluginError(f"{file}:{place}: the plugin fails: {_words(error)}")
-    lines = [line.strip() for line in str(error).splitlines() if line.strip() and "mode pipeline" not in line]
+    lines = [line.strip() for line in str(error).splitlines() if line.strip() and "mode pipeline" not in line
+             and not line.startswith('File "')]
     return PluginError(f"{file}:{place}: the plugin cannot be compiled: {' '.join(lines[:2])}")
 
 
@@ -84,7 +87,7 @@ def _load_file(path: str) -> None:
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         del sys.modules[name]
         lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == path]
         if isinstance(error, SyntaxError):

@@ -22,7 +22,7 @@ from ..elements.point_laws import THETA, PointLaw, turn_hessian
 from ..elements.shape import Array
 from ..model import profiles
 from ..model.mesh import BodyMesh, Index
-from ..model.point_patch import PointPatch, constants_of, position_fields, turn_fields
+from ..model.point_patch import PointPatch, Slope, constants_of, position_fields, turn_fields
 from ..model.points import PointRef
 from .moving import MovingPatch, moving_force
 
@@ -154,7 +154,8 @@ def load(cls: R) -> R:
 
 
 # values that the force function of a position load returns
-RETURNS = ("fx", "fy", "dfx/dx", "dfx/dy", "dfy/dx", "dfy/dy")
+RETURNS = {"fx": None, "fy": None, "dfx/dx": Slope(0, 0), "dfx/dy": Slope(0, 1), "dfy/dx": Slope(1, 0),
+           "dfy/dy": Slope(1, 1)}
 
 
 def position_load(force: Callable[..., Any], *, potential: bool) -> Callable[[R], R]:

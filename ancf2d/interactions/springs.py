@@ -25,6 +25,7 @@ from ..model.point_patch import (
     NOTHING,
     Field,
     PointPatch,
+    Slope,
     constant_field,
     constants_of,
     position_fields,
@@ -45,7 +46,7 @@ PULL_DOC = ("Force as a formula in the elongation u [m] and its rate v, in place
 TURN_DOC = ("Moment as a formula in u, the relative rotation minus angle [rad], and its rate v, in place of stiffness "
             "and damping; a positive moment turns the second end back")
 # values that the force function of a spring returns
-RETURNS = ("energy", "N", "dN/du", "dN/d(rate)")
+RETURNS = {"energy": None, "N": Slope(0, 0, at_rest=True), "dN/du": Slope(1, 0), "dN/d(rate)": Slope(1, 1)}
 # difference of lengths, relative to them, that is round-off
 ROUND = 4 * np.finfo(float).eps
 End = PointRef | GroundPoint

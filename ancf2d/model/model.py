@@ -158,7 +158,7 @@ class Model:
     def remembers(self) -> list[str]:
         """The bodies whose law has inelastic history variables, so that their forces depend on the path to a state."""
         laws = {m.plan.name: m.plan.formulation.law for m in self.meshes.values()}
-        return [name for name, law in laws.items() if law.state and not law.elastic]
+        return [name for name, law in laws.items() if law.remembers]
 
     @cached_property
     def pools(self) -> list[Pool]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -17,6 +17,11 @@ from ..elements.shape import Array
 from ..errors import ComputationError, PluginError
 from .mesh import Index
 from .points import PointRef, dot
+
+# arguments at which the derivatives of plugins are checked, steps of differences relative to them, and the smallest
+# relative error that is not one of differences
+TRIALS = [(x, y) for x in (-2.9, -0.37, -0.041, 0.0053, 0.047, 0.41, 3.1) for y in (0.0, -0.61 * x)]
+DIFFERENCE, WRONG = 1e-4, 0.02
 
 # each formula record by its address, with the texts of the formulas and the names of the quantities
 _FORMULA_TEXTS: dict[float, tuple[Any, Sequence[str], Sequence[str]]] = {}
@@ -104,11 +109,19 @@ class Items(NamedTuple):
     stays: bool = True
 
 
-def constants_of(item: Any, force: Callable[..., Any], returns: Sequence[str]) -> list[float]:
+class Slope(NamedTuple):
+    """A value of a force function that is the derivative of another value by an argument; of energies, at rest."""
+
+    of: int
+    by: int
+    at_rest: bool = False
+
+
+def constants_of(item: Any, force: Callable[..., Any], returns: Mapping[str, Slope | None]) -> list[float]:
     """Return the constants of a record's law, after a trial call of its ``force``, which ``returns`` these quantities.
 
-    Raises PluginError if there are too many constants, if they are not numbers, or if the force takes or returns
-    something else.
+    Raises PluginError if there are too many constants, if they are not numbers, if the force takes or returns
+    something else, or if a derivative that a plugin returns is wrong.
     """
     name, given = type(item).__name__, item.constants()
     try:
@@ -128,7 +141,32 @@ def constants_of(item: Any, force: Callable[..., Any], returns: Sequence[str]) -
         if not isinstance(out, tuple) or len(out) != len(returns):
             what = f"{len(out)} values" if isinstance(out, tuple) else str(out)
             raise PluginError(f"the force of {name} returns {what}; expected {len(returns)}: {', '.join(returns)}")
+    if not force.__module__.startswith("ancf2d."):
+        for point in TRIALS:
+            _check_slopes(name, force, np.array(point), np.array(found), returns)
     return found
+
+
+def _check_slopes(name: str, force: Callable[..., Any], point: Array, par: Array,
+                  returns: Mapping[str, Slope | None]) -> None:
+    """Compare the derivatives that a force returns with differences, unless it has a kink or no value nearby."""
+    keys = list(returns)
+    for k, (key, slope) in enumerate(returns.items()):
+        if slope is None or (slope.at_rest and point[1]) or not point[slope.by]:
+            continue
+        h = DIFFERENCE * abs(point[slope.by]) * np.eye(2)[slope.by]
+        with np.errstate(all="ignore"), suppress(ArithmeticError, ValueError):
+            there = force(*point, par)
+            low, middle, high = (float(out[slope.of]) for out in (force(*(point - h), par), there,
+                                                                  force(*(point + h), par)))
+            behind, ahead, given = (middle - low) / h.sum(), (high - middle) / h.sum(), float(there[k])
+            most, error = max(abs(behind), abs(ahead)), 1e-12 * abs(middle) / h.sum()
+            if np.isfinite([given, most]).all() and abs(ahead - behind) <= 0.5 * WRONG * most + error:
+                found = 0.5 * (behind + ahead)
+                if abs(given - found) > WRONG * max(abs(given), most) + error:
+                    arguments = ", ".join(f"{x:g}" for x in point)
+                    raise PluginError(f"the force of {name} returns {key} = {given:.6g} at ({arguments}), but "
+                                      f"{keys[slope.of]} changes there by {found:.6g}")
 
 
 class PointPatch:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Body, Layers, Material, Rectangle, Stiffness
+from ..case import Body, Case, Layers, Material, Rectangle, Stiffness
 from ..elements.definition import ElementType
 from ..elements.fibres import FIBRES, Uniaxial, curve, fibres_of, hardening, linear
 from ..elements.formulations import FORMULATIONS, Formulation, Rule
@@ -39,6 +39,14 @@ def shear_factor(value: str | float | None, element: ElementType, nu: float) -> 
 def is_axis_type(element: ElementType) -> bool:
     """Return whether the type uses given stiffnesses directly: cable and the geometrically exact beams."""
     return element.section_kind in ("tangent", "theta")
+
+
+def remembers_way(case: Case) -> bool:
+    """Return whether equilibria depend on the load path: a material yields or relaxes, or a formulation has memory."""
+    materials = (material for body in case.bodies.values() for material in body.materials)
+    own = (FORMULATIONS.get(body.element.formulation or "") for body in case.bodies.values())
+    return (any(material.yields or (case.solver.timed and bool(material.viscoelastic)) for material in materials)
+            or any(made is not None and made.law.remembers for made in own))
 
 
 def resolve_section(body: Body, element: ElementType, formulation: Formulation, k: str | float | None,

@@ -187,6 +187,8 @@ def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
             if quantity not in others[probe]:
                 say(f"column '{name}': {probe} has no {quantity}", ", ".join(others[probe]),
                     nearest(quantity, others[probe]) or "")
+        elif not probe:
+            say(f"column '{name}' is no PROBE.QUANTITY", ", ".join(f"{one}.QUANTITY" for one in probes))
         elif probe not in probes:
             say(f"column '{name}': the case has no probe '{probe}'", "" if nearest(probe, probes) else
                 f"one of {', '.join(probes)}" if probes else "output.probes", nearest(probe, probes) or "")

@@ -24,6 +24,7 @@ from ..case.numbers import CaseNumber, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
+from ..model.section import remembers_way
 from ..solvers.contact import force_at_fixed_place
 from ..solvers.derivatives.backwards import RecordedMotion, StepLengthError
 from ..solvers.derivatives.differences import Quotient, UnsuitedError, derivative
@@ -321,7 +322,7 @@ def why_no_response(model: Model) -> str:
     if solver.moves:
         return why_unsuited(model)
     balances = isinstance(solver, LinearStatic | Static | QuasiStatic)
-    if model.remembers and (model.case.remembers_way if balances else not solver.scales or model.loads.flows):
+    if model.remembers and (remembers_way(model.case) if balances else not solver.scales or model.loads.flows):
         return "materials depend on the load history"
     if rubs(model):
         return "friction depends on the way to a state"

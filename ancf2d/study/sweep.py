@@ -64,7 +64,7 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
                               # a copy without cached texts, which are not needed again
                               replace(loaded) if workers == ALONE else None))
     if not any(sweep.jobs):
-        raise CaseError(_distinct(problems, axes))
+        raise CaseError(_distinct(problems, axes, drawn=samples is not None))
     if unused:
         raise CaseError([Problem(f"nothing in the case uses {axis.path}", f"{axis.option}{axis.text}",
                                  expected="a parameter that a formula of the case names") for axis in unused])
@@ -91,14 +91,17 @@ def _size(case: Case) -> float:
     return max(elements, 1) * solver.t_end * steps_of(solver.dt, solver.local_error)
 
 
-def _distinct(problems: list[Problem], axes: list[Axis]) -> list[Problem]:
-    """Return each problem once; problems of overrides made from an axis name the axis as it was given."""
+def _distinct(problems: list[Problem], axes: list[Axis], drawn: bool) -> list[Problem]:
+    """Return each problem once; problems of overrides made from an axis name the axis as it was given.
+
+    Of problems that differ only in the value drawn for an axis, the first is returned.
+    """
     found: dict[tuple[Any, ...], Problem] = {}
     for p in problems:
         axis = next((a for a in axes if p.file.startswith(f"{SET}{a.path}=")), None)
         if axis is not None:
             p = Problem(p.message, f"{axis.option}{axis.text}", path=p.path, expected=p.expected, near=p.near)
-        found.setdefault((p.file, p.line, p.column, p.message), p)
+        found.setdefault((p.file, p.line, p.column, p.path if drawn and axis else p.message), p)
     return list(found.values())
 
 

@@ -22,6 +22,7 @@ WRONG = {
     "steps": (lambda: ancf2d.convergence(TEXT, dt=[0.1, -0.1]), ancf2d.CaseError, "dt: .* got -0.1"),
     "step of text": (lambda: ancf2d.convergence(TEXT, tolerance=["a"]), TypeError, "tolerance: expected positive"),
     "path": (lambda: ancf2d.sensitivity(TEXT, [3]), TypeError, "to: expected paths"),
+    "path of a gradient": (lambda: ancf2d.solve(TEXT).gradient([3]), TypeError, "paths: expected paths"),
     "no numbers": (lambda: ancf2d.optimise(TEXT, {}, "mass"), TypeError, "vary: expected bounds by path"),
     "paths alone": (lambda: ancf2d.optimise(TEXT, [E], "mass"), TypeError, "vary: expected bounds by path"),
     "one bound": (lambda: ancf2d.optimise(TEXT, {E: 1e9}, "mass"), TypeError, "vary: .* got {'bodies.beam.material.E"),
@@ -40,6 +41,11 @@ def test_arguments_of_another_kind_are_named_with_what_is_expected(name: str) ->
     call, kind, words = WRONG[name]
     with pytest.raises(kind, match=words):
         call()
+
+
+def test_one_path_is_a_list_of_one() -> None:
+    solution = ancf2d.solve(TEXT)
+    np.testing.assert_array_equal(solution.gradient(E), solution.gradient([E]))
 
 
 def test_none_is_no_override() -> None:

@@ -91,6 +91,10 @@ def test_everything_wrong_with_what_is_varied_is_told_at_once(call: Call) -> Non
         assert text in result.stderr
     assert "need --sample" in call("sweep", "beam.yaml", "--over", "a=1,2", "--seed", "1").stderr
     assert "nothing is varied" in call("sweep", "beam.yaml").stderr
+    # what every sample lacks is told once
+    text = call("sweep", "beam.yaml", "--sample", "bodies.beam.element.type~uniform(1, 2)", "--samples", "4")
+    assert text.exit_code == 2
+    assert text.stderr.endswith("\n1 problem\n")
 
 
 def test_failed_rows_exit_with_1_and_wrong_sweeps_with_2(call: Call, call_json: CallJson, folder: Path) -> None:

@@ -247,6 +247,7 @@ def test_a_plugin_that_fails_is_named_with_its_line(tmp_path) -> None:
     case.write_text(CASE % "cubic: 5e4")
     spring_without_keys = "from ancf2d.extend import *\n@spring(len)\n@record\nclass A:\n    tag = 'a'\n"
     for text, words in (("x = 1\n1/0\n", ":2: the plugin cannot be loaded: ZeroDivisionError"),
+                        ("raise SystemExit(3)", "SystemExit: 3"),
                         ("x = (\n", "SyntaxError"), (spring_without_keys, "has no key between")):
         path = tmp_path / f"wrong{len(text)}.py"
         path.write_text(text)
@@ -266,8 +267,11 @@ def test_a_plugin_that_fails_is_named_with_its_line(tmp_path) -> None:
     ("hardening", "[self.stiffness, self.cubic]", "self.stiffness", "returns 300.0; expected a list of numbers"),
     ("hardening", "self.cubic]", "self.cubik]", ":25: the plugin fails: AttributeError: 'Hardening' object has no"),
     ("hardening", "k, k3 = par[0], par[1]", "k, k3 = par[2], 0", ":8: the plugin fails: IndexError"),
-    ("small_strain", "eps, J, lanes)", "eps, J)", "strain(ref, u, eps, J) takes other arguments; expected strain(")],
-    ids=["returns", "arguments", "constants", "attribute", "index", "formulation"])
+    ("small_strain", "eps, J, lanes)", "eps, J)", "strain(ref, u, eps, J) takes other arguments; expected strain("),
+    ("hardening", "k + 3 * k3 * u**2", "2 * k", "returns dN/du = 600 at (-2.9, 0), but N changes there by 1.2618e+06"),
+    ("hardening", "k3 * u**4 / 4", "k3 * u**4 / 2", "returns N = -1.22032e+06 at (-2.9, 0), but energy changes there"),
+    ("small_strain", "StrainLaw(4, 3", "StrainLaw(4, 2", "strain uses places that its arrays do not have (index 2 is")],
+    ids=["returns", "arguments", "constants", "attribute", "index", "formulation", "tangent", "energy", "places"])
 def test_a_plugin_that_does_not_do_what_it_declares_is_named(tmp_path, name, old, new, words) -> None:
     case, path, text = tmp_path / "case.yaml", tmp_path / "wrong.py", (HERE / f"{name}.py").read_text()
     case.write_text(CASE % "cubic: 5e4")
@@ -278,12 +282,43 @@ def test_a_plugin_that_does_not_do_what_it_declares_is_named(tmp_path, name, old
     assert not (tmp_path / "out.h5").exists()
 
 
+@pytest.mark.usefixtures("registries")
+@pytest.mark.parametrize("kind", ["wrong", "kinked"])
+def test_derivatives_of_a_load_of_ones_own_are_checked_except_at_kinks(kind) -> None:
+    """A wall that pushes where x > 0.41, a point at which derivatives are checked, and turns over it."""
+    def wall(x, y, par):
+        over = max(x - 0.41, 0.0)
+        k = par[0] if over > 0.0 else 0.0
+        return -par[0] * over * y, 0.0, -k * y, -par[0] * over * (2.0 if kind == "wrong" else 1.0), 0.0, 0.0
+
+    @extend.load(wall, potential=False)
+    @extend.record
+    class Wall:
+        """A wall."""
+
+        tag = "wall"
+        at: object = extend.key(extend.POINT, "Point")
+        stiffness: float = extend.key(extend.Number("N/m^2"), "k")
+        amplitude: object = extend.key(extend.AMPLITUDE, extend.AMPLITUDE_DOC, default=None)
+        name: str | None = extend.key(extend.NAME, "Name", default=None)
+
+        def constants(self):
+            return [self.stiffness]
+    scene = {"springs": [spring_of(K)], "loads": [{"type": "wall", "at": "rod@0", "stiffness": 1.0}]}
+    if kind == "kinked":
+        assert rod({"type": "static"}, **scene).status == "converged"
+        return
+    with pytest.raises(PluginError, match=r"the force of Wall returns dfx/dy = -.*, but fx changes there by"):
+        rod({"type": "static"}, **scene)
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("registries")
-def test_a_plugin_that_cannot_be_compiled_is_named_with_its_line(tmp_path) -> None:
+@pytest.mark.parametrize("wrong", ["{'k': par[0], 1: 0}['k']", "float(len(dir(par)))"], ids=["lowering", "typing"])
+def test_a_plugin_that_cannot_be_compiled_is_named_with_its_line(tmp_path, wrong) -> None:
     case, path = tmp_path / "case.yaml", tmp_path / "wrong.py"
     case.write_text(CASE % "cubic: 5e4")
-    path.write_text((HERE / "hardening.py").read_text().replace("k, k3 = par[0]", "k, k3 = {'k': par[0], 1: 0}['k']"))
+    path.write_text((HERE / "hardening.py").read_text().replace("k, k3 = par[0]", f"k, k3 = {wrong}"))
     done = CliRunner().invoke(app, ["run", str(case), "--plugin", str(path), "-o", str(tmp_path / "out.h5")])
     assert done.exit_code == 2
     assert f"{path}:8: the plugin cannot be compiled: " in done.stderr

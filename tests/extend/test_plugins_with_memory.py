@@ -59,6 +59,20 @@ def test_a_formulation_remembers_the_steps_that_statics_has_accepted() -> None:
 
 
 @pytest.mark.usefixtures("registries")
+def test_derivatives_of_equilibria_are_those_of_the_way_to_them() -> None:
+    """On the way up the fibre slips: N = E ((1 - s) x + s l), dx/dN = 1/(E (1 - s)), not the 1/E of one that sticks."""
+    add("friction")
+    N = force_with_friction([3e-3])[0]
+    case = rubbing({"type": "static"}, loads=[{"type": "force", "at": "rod@1", "value": [N, 0]}],
+                   goal={"probe": "end", "quantity": "ux"})
+    row, = ancf2d.sensitivity(case, ["loads.0.value.0"]).rows
+    assert row.method != "exact"
+    assert row.derivative == pytest.approx(1.0 / (STIFF * (1.0 - SHARE)), rel=1e-9)
+    # the accuracy of such an equilibrium includes that of its load steps
+    assert "steps_error" in ancf2d.solve(case, accuracy=1e-3).accuracy
+
+
+@pytest.mark.usefixtures("registries")
 def test_a_formulation_remembers_the_points_that_a_path_has_accepted() -> None:
     add("friction")
     for method in ("arc_length", "displacement"):
@@ -69,8 +83,8 @@ def test_a_formulation_remembers_the_points_that_a_path_has_accepted() -> None:
 
 
 def motion_with_friction(t_end, v):
-    """Displacement of a mass on the fibre and the heat, by steps of its own of the explicit midpoint rule."""
-    mass, x, slip, heat, n = 10.0, 0.0, 0.0, 0.0, 40000
+    """Displacement of a mass on the fibre, and the heat at ten times, by its own steps of the midpoint rule."""
+    mass, x, slip, heat, n = 10.0, 0.0, 0.0, [0.0], 40000
     h = t_end / n
 
     def slipped(y):
@@ -79,14 +93,16 @@ def motion_with_friction(t_end, v):
     def pull(y):
         return -STIFF * (y - SHARE * slipped(y)) / mass
 
-    for _ in range(n):
+    for k in range(n):
         middle = x + 0.5 * h * v
         a = pull(middle)
         x, v = x + h * v + 0.5 * h * h * a, v + h * a
         moved = slipped(x)
-        heat += SHARE * STIFF * (x - moved) * (moved - slip)
+        heat[-1] += SHARE * STIFF * (x - moved) * (moved - slip)
         slip = moved
-    return x, heat
+        if (k + 1) % (n // 10) == 0:
+            heat.append(heat[-1])
+    return x, heat[:-1]
 
 
 @pytest.mark.slow_rows("radau5")
@@ -101,9 +117,10 @@ def test_a_formulation_remembers_the_steps_that_a_motion_has_accepted(monkeypatc
                      **scene)
     done = ancf2d.solve(loaded)
     x, heat = motion_with_friction(t_end, v)
-    assert heat > 1.0
+    assert heat[-1] > 1.0
     assert done.course["end"]["ux"][-1] == pytest.approx(x, abs=2e-3 * 5e-3)
-    assert done.energies["dissipated"][-1] == pytest.approx(heat, rel=1e-2)
+    # at all times: on the way, more energy is stored by slip than is lost
+    np.testing.assert_allclose(done.energies["dissipated"][1:], heat, rtol=1e-2, atol=1e-2 * heat[-1])
     assert done.summary["energy_drift"] < 1e-2
     # checkpoints come with calls of the kernels
     monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
@@ -118,5 +135,8 @@ def test_a_formulation_remembers_the_steps_that_a_motion_has_accepted(monkeypatc
 def test_methods_that_cannot_step_a_memory_are_refused() -> None:
     add("friction")
     for method in ("energy_momentum", "Radau"):
-        with pytest.raises(CaseError, match="does not support formulations with memory"):
+        with pytest.raises(CaseError, match="does not support formulations with memory") as refused:
             prepare(rubbing({"type": "dynamic", "t_end": 1.0, "method": method}))
+        for other in refused.value.problems[0].expected.replace(" or ", ", ").split(", "):
+            prepare(rubbing({"type": "dynamic", "t_end": 1.0, "method": other}))
+        assert "radau9" in refused.value.problems[0].expected

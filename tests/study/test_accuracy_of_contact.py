@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from ancf2d.case import LoadedCase, Static, load_case_text
-from ancf2d.study.accuracy.control import solve_to_accuracy
+from ancf2d.study.accuracy.control import follows_way, solve_to_accuracy
 from ancf2d.study.accuracy.judging import judge, usable_levels
 from ancf2d.study.accuracy.setting import Level, Setting, with_setting
 from ancf2d.study.accuracy.steps import in_steps
@@ -150,8 +150,8 @@ def test_meshes_are_judged_again_where_shorter_load_steps_show_their_errors() ->
 
 
 def test_load_steps_are_judged_where_the_way_counts() -> None:
-    assert over_a_drum(0.3, 1e-2).case.follows_way
-    assert not over_a_drum(0.0, 1e-2).case.follows_way
+    assert follows_way(over_a_drum(0.3, 1e-2).case)
+    assert not follows_way(over_a_drum(0.0, 1e-2).case)
     accuracy = solve_to_accuracy(over_a_drum(0.0, 1e-2)).accuracy
     assert accuracy["steps"] is None
     assert "steps_error" not in accuracy

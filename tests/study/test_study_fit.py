@@ -254,12 +254,13 @@ def test_wrong_data_are_told_with_their_lines(tmp_path: Path) -> None:
 
 
 def test_everything_wrong_with_a_fit_is_told_at_once() -> None:
-    data = data_of({"factor": [0.5, 2.0], "tap.uy": [1.0, 2.0], "tip.uz": [1.0, 2.0], "tip.vx": [1.0, 2.0]})
+    data = data_of({"factor": [0.5, 2.0], "tap.uy": [1.0, 2.0], "tip.uz": [1.0, 2.0], "tip.vx": [1.0, 2.0],
+                    "tip_uy": [1.0, 2.0]})
     with pytest.raises(CaseError) as found:
         fitted(BENT, data, f"{EI}=-1:1", "bodies.beam.section.EJ=1:2", sigma={"tip.ux": 1.0})
     told = " ".join(p.message for p in found.value.problems)
     for text in ("go from 0.5 to 2", "no probe 'tap'", "'uz' is no quantity", "a static state has no vx", "must be > 0",
-                 "EJ", "no column 'tip.ux'"):
+                 "EJ", "no column 'tip.ux'", "'tip_uy' is no PROBE.QUANTITY"):
         assert text in told
     with pytest.raises(CaseError, match="the solver of the case is static"):
         fitted(BENT, data_of({"t": [1.0, 2.0], "tip.uy": [1.0, 2.0]}), f"{EI}=1:2")

@@ -187,18 +187,6 @@ class Case:
         return tuple(out)
 
     @property
-    def remembers_way(self) -> bool:
-        """Whether equilibria depend on the load path because a material yields, or relaxes over time."""
-        return any(material.yields or (self.solver.timed and bool(material.viscoelastic))
-                   for body in self.bodies.values() for material in body.materials)
-
-    @property
-    def follows_way(self) -> bool:
-        """Whether the equilibrium depends on the steps that lead to it, because of a material or friction."""
-        rubs = any(contact.friction > 0.0 for contact in self.contacts)
-        return bool(self.solver.with_steps(1.0)) and (rubs or self.remembers_way)
-
-    @property
     def resting_masses(self) -> tuple[Any, ...]:
         """The point masses that are fixed to their bodies, not moving along them."""
         return tuple(m for m in self.masses if not isinstance(m.at, MovingPoint))

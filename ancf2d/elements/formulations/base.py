@@ -67,6 +67,11 @@ class StrainLaw:
     extra_energy: Callable[[Any, Any, Any, Any], Any] | None = None
     excess_work: Callable[[Any, Any, Any], Any] | None = None
 
+    @property
+    def remembers(self) -> bool:
+        """Whether the law keeps a state, on which its stresses depend."""
+        return self.state > 0 and not self.elastic
+
 
 @dataclass(frozen=True)
 class Rule:

@@ -167,7 +167,7 @@ def _forgets(method: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusa
     """Refuse methods that do not update history variables at the end of each step."""
     if model.remembers and (method.scipy is not None or method.conserves):
         yield ("method", f"{method.name} does not support formulations with memory, such as that of "
-               f"{', '.join(model.remembers)}", "radau5, generalized_alpha, hht or newmark")
+               f"{', '.join(model.remembers)}", "radau5, radau9, generalized_alpha, hht or newmark")
 
 
 def _contact(method: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:

@@ -11,6 +11,7 @@ from ...case import Case, FrequencyResponse, Goal, LoadedCase, QuasiStatic, Rect
 from ...errors import ComputationError, many
 from ...model.curve import stretches
 from ...model.plan import acting_points
+from ...model.section import remembers_way
 from ..goal import GoalValue, Target, goal_kind
 from ..order import Estimate
 from ..record import Progress
@@ -97,13 +98,19 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
             pursuit.tell(f"bodies.{name}: nodes are placed where something acts, despite nodes: regular, because "
                          "meshes with kinks inside elements cannot show the accuracy")
     # states that depend on the path must be reached along it on every mesh
-    pursuit.guesses = not loaded.case.follows_way
+    pursuit.guesses = not follows_way(loaded.case)
     types = _types(pursuit)
     accuracy = _climbed(pursuit, types, _tolerance_of(pursuit))
     if pursuit.outcome is None:
         raise ComputationError(next(level.reason for level in pursuit.levels[::-1] if level.reason))
     pursuit.outcome.summary["accuracy"] = accuracy
     return Reached(pursuit.outcome, accuracy)
+
+
+def follows_way(case: Case) -> bool:
+    """Return whether the equilibrium depends on the steps that lead to it, because of memory or friction."""
+    rubs = any(contact.friction > 0.0 for contact in case.contacts)
+    return bool(case.solver.with_steps(1.0)) and (rubs or remembers_way(case))
 
 
 def _with_points(loaded: LoadedCase, error: float) -> LoadedCase | None:
@@ -121,7 +128,7 @@ def _with_points(loaded: LoadedCase, error: float) -> LoadedCase | None:
 
 def _with_tolerance(loaded: LoadedCase, tolerance: float) -> LoadedCase:
     """Return a case whose first time steps have this tolerance if its result depends on them."""
-    if not (isinstance(loaded.case.solver, QuasiStatic) and loaded.case.follows_way):
+    if not (isinstance(loaded.case.solver, QuasiStatic) and follows_way(loaded.case)):
         return loaded
     return with_overrides(loaded, [f"solver.tolerance={tolerance!r}"], vocabulary())
 
@@ -133,7 +140,7 @@ def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | Non
     if direct is not None:
         return pursuit.accuracy(direct[0], direct[2], direct[1])
     ladder = Ladder(pursuit, types, tolerance)
-    follows = pursuit.loaded.case.follows_way
+    follows = follows_way(pursuit.loaded.case)
     level, error, found = ladder.climb((1.0 - TIME) * left if follows or tolerance is not None else left)
     if level is None:
         reasons = [level.reason for level in pursuit.levels if level.reason]

@@ -20,6 +20,11 @@ def internal(ref, eps, old, new, slope, lanes):
         slope[0, 0, l] = SHARE if slips else 0.0
 
 
+def stored(ref, D, eps, state):
+    """Return the energy that slip stores in the stress-free body: both parts are then strained against each other."""
+    return SHARE * (1.0 - SHARE) * D[:, 0, 0] * state[:, :, 0, 3] ** 2 / 2.0
+
+
 exact = FORMULATIONS["geometrically_exact"]
-law = StrainLaw(4, 3, 4, exact.law.strain, exact.law.geometric, state=4, internal=internal)
+law = StrainLaw(4, 3, 4, exact.law.strain, exact.law.geometric, state=4, internal=internal, extra_energy=stored)
 formulation(replace(exact, name="friction", law=law, source="Iwan 1967", doc="axial stiffness with friction"))
