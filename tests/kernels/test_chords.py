@@ -45,7 +45,7 @@ class Scene:
             b, e, c, f = points.field[i], points.field[i + 1], points.dof[i], points.dof[i + 1]
             G = points.G[points.entry[i]:points.entry[i + 1]].reshape(f - c, e - b)
             p, par, none = points.p0[b:e] + self.d[points.dofs[c:f]] @ G, points.par[i], np.zeros(e - b)
-            x, y, *_ = gaps.line_at(par, p, none, par[geometry.HOME], par[geometry.OFFSET])
+            x, y, *_ = gaps.line_at(par, p, none, par[geometry.HOME])
             fx, fy, *_ = gaps.trace_at(par[geometry.OPPOSITE:], p[fields:], none, points.mem[i, gaps.FOOT])
             out[i] = np.hypot(x - fx, y - fy)
         return out
