@@ -62,8 +62,8 @@ def levels_of(mesh: BodyMesh, side: str) -> list[float]:
     """Return eta of the curves that may touch: the lower and upper face, or the axis."""
     if side == "axis":
         return [0.0]
-    below = 2.0 * mesh.plan.section.height_of_axis / mesh.plan.section.height
-    return [-below, 2.0 - below]
+    low = -2.0 * mesh.plan.section.height_of_axis / mesh.plan.section.height
+    return [low, 2.0 + low]
 
 
 def spots(mesh: BodyMesh, side: str, compliant: bool, places_move: bool, between: int = 1) -> list[Spot]:
@@ -122,9 +122,8 @@ def moves(mesh: BodyMesh, spot: Spot, follows: Mapping[int, Any]) -> bool:
     """Return whether unknowns move a spot in the reference; ``follows`` has the terms of all other coordinates."""
     dofs = mesh.dofs[spot.ie]
     rows, terms, kind = curve_rows(mesh, spot.ie, spot.eta)
-    powers = spot.z ** np.arange(terms)
     parts = rows.reshape(-1, terms, rows.shape[1])
-    ways: Array = powers @ parts
+    ways: Array = spot.z ** np.arange(terms) @ parts
     if kind == geometry.OF_TANGENT and spot.eta != 0.0:
         # a change of length of the tangent causes no rotation
         slope = (np.arange(terms) * spot.z ** np.maximum(np.arange(terms) - 1, 0)) @ parts
@@ -168,10 +167,11 @@ def is_cubic(mesh: BodyMesh) -> bool:
 
 def compliances_of(mesh: BodyMesh, spot: Spot, places_move: bool) -> tuple[float, float]:
     """Return l^3/3 EI and l/kGA of the interval of a free spot in statics, else zeros; see ``contact_sliding``."""
-    section, l = mesh.plan.section, spot.weight
     if not (places_move and spot.free) or mesh.plan.rigid:
         return 0.0, 0.0
-    return l**3 / (3.0 * section.EI), 0.0 if mesh.plan.element.section_kind == "tangent" else l / section.kGA
+    l, middle = spot.weight, mesh.classes[mesh.cls[spot.ie]].sampler.at(np.array([0.5]))
+    shear = 0.0 if mesh.plan.element.section_kind == "tangent" else l / float(np.mean(middle.kGA))
+    return l**3 / (3.0 * float(np.mean(middle.EI))), shear
 
 
 def curve_rows(mesh: BodyMesh, ie: int, eta: float) -> tuple[Array, int, int]:

@@ -15,7 +15,7 @@ RUBBER = {"E": 1e7, "nu": 0.3, "rho": 1000.0}
 RIGID = {"type": "rigid"}
 
 
-def strip(start: Any, end: Any, element: dict[str, Any] = RIGID, height: float = 0.03) -> dict[str, Any]:
+def strip(start: Any, end: Any, element: dict[str, Any] = RIGID, height: Any = 0.03) -> dict[str, Any]:
     """Return a straight body."""
     geometry = {"type": "line", "start": [float(x) for x in start], "end": [float(x) for x in end]}
     return h.body(geometry, element, {"height": height, "width": 0.02}, RUBBER)
