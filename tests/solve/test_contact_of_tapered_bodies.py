@@ -1,4 +1,4 @@
-"""Contact of the faces of bodies whose height varies: errors of statics and energies of motions, as of uniform bodies."""
+"""Faces of bodies whose height varies: errors of statics and energies of motions, as of uniform bodies."""
 
 from __future__ import annotations
 
