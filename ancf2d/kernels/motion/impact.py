@@ -30,7 +30,7 @@ from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel_with_memory, seldom
 from ..passages import tunnels
 from ..patches import face_bodies, rates_of_constraints
-from .consistent import consistent, gap_rates
+from .consistent import consistent, gap_rates, onto_positions
 from .contact_steps import (
     closed_in_step,
     fix_active_set,
@@ -313,6 +313,8 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
             interpolate_linearly(end, s)
         unfix_active_set(p)
         return RESTART if m.switches else 0.0
+    # a gap left by round-off, closed in a much shorter step, would be a velocity
+    onto_positions(p, w, end.z, 1)
     touched, (moves, driven) = status.copy(), _obstacle_speeds(p, w, status, obstacle_speed)
     if bounces or allowed > 0.0 or has_friction(p) or moves:
         # moving obstacles are first extrapolated from the start of the step, then back from its end
