@@ -128,8 +128,7 @@ def with_assembly(points: Points, T: csr_matrix, slots: Callable[[Index, Index],
     """
     begin, unknown, rows, spans, slot = np.zeros((len(points.forces) + 1, 3), dtype=np.int64), [], [], [], []
     following, rubs = 0, points.restitution >= 0.0
-    if rubs.any():
-        rubs &= points.par[:, FRICTION] > 0.0
+    rubs &= points.par[:, FRICTION] > 0.0 if rubs.any() else False
     for i in range(len(points.forces)):
         begin[i + 1] = begin[i]
         if i < following or (points.forces_of_run[i] == 0 and not rubs[i]):
