@@ -11,10 +11,12 @@ from ancf2d.elements import contact_bodies as laws
 from ancf2d.elements import contact_gaps as gaps
 from ancf2d.elements import contact_geometry as geometry
 
+# sections of the body that has the point, and of the other one
+ONE, TWO = ("curve", "theta", "tapered tangent"), ("curve", "tapered theta", "tangent")
 # what the point is opposite to: the inside of an element, an end of it at a kink, the end of a body
 PLACES = {"within": gaps.WITHIN, "kink": gaps.AT_LAST, "end": gaps.WITHIN}
 # distance from the end of the other surface, and inclination, of points whose pressure fades
-FADING = {"beside an end": (0.2, 0.0), "aslant": (0.4, 1.2), "aslant beside an end": (0.2, 1.2)}
+FADING = {"beside an end": (0.2, 0.0), "aslant": (0.4, 1.205), "aslant beside an end": (0.2, 1.205)}
 KINDS = {"compliant": (laws.COMPLIANT_BODIES, 0.0), "damped": (laws.COMPLIANT_BODIES, 0.4),
          "hard": (laws.HARD_BODIES, 0.0)}
 ROUGH = {"layer": laws.COMPLIANT_BODIES, "hard": laws.ROUGH_BODIES}
@@ -82,9 +84,9 @@ class Point:
         return energy, f, H, C, power
 
 
-@pytest.mark.slow_rows("compliant-curve-curve-within", "compliant-tangent-tangent-end", "compliant-theta-theta-kink",
-                       "damped-curve-theta-end")
-@helpers.pairwise(kind=KINDS, one=SECTIONS, two=SECTIONS, place=PLACES)
+@pytest.mark.slow_rows("compliant-curve-curve-within", "compliant-tapered tangent-tangent-end",
+                       "compliant-theta-tapered theta-kink", "damped-curve-tapered theta-end")
+@helpers.pairwise(kind=KINDS, one=ONE, two=TWO, place=PLACES)
 def test_stiffness_and_damping_are_the_derivatives_of_the_forces(kind, one, two, place):
     law, damping = KINDS[kind]
     point = Point(law, one, two, place, damping)
@@ -105,7 +107,7 @@ def test_stiffness_and_damping_are_the_derivatives_of_the_forces(kind, one, two,
         np.testing.assert_allclose(H, H.T, atol=1e-12 * size)
 
 
-@helpers.pairwise(one=SECTIONS, two=SECTIONS, place=["within", "end"], fading=FADING, damping=[0.0, 0.4])
+@helpers.pairwise(one=ONE, two=TWO, place=["within", "end"], fading=FADING, damping=[0.0, 0.4])
 def test_pressure_that_fades_has_a_potential(one, two, place, fading, damping):
     """Its stiffness is that of its forces, but for terms of a higher order in the depth."""
     (away, angle), errors = FADING[fading], []
@@ -133,7 +135,7 @@ def test_pressure_that_fades_has_a_potential(one, two, place, fading, damping):
 CORNERS = [(0.1, 0.08), (0.1, 0.25), (0.1, 0.4), (0.4, 0.28), (0.4, 0.4), (1.0, 0.45)]
 
 
-@helpers.pairwise(one=SECTIONS, two=SECTIONS, place=["within", "end"], corner=CORNERS)
+@helpers.pairwise(one=ONE, two=TWO, place=["within", "end"], corner=CORNERS)
 def test_forces_in_corners_have_a_potential(one, two, place, corner):
     point = Point(laws.COMPLIANT_BODIES, one, two, place, 0.0, corner[1], corner[0] - 0.4, 0.9)
     f = point(point.u, point.w)[1]
@@ -178,9 +180,10 @@ def rubbing(one, two, place, slides, depth, law=laws.COMPLIANT_BODIES):
     return point
 
 
-@pytest.mark.slow_rows("curve-curve-within-False-layer", "curve-theta-end-True-hard",
-                       "tangent-theta-within-False-layer", "theta-theta-within-False-layer")
-@helpers.pairwise(one=SECTIONS, two=SECTIONS, place=["within", "end"], slides=[False, True],
+@pytest.mark.slow_rows("curve-curve-within-False-layer", "curve-tapered theta-end-True-hard",
+                       "tapered tangent-curve-within-True-hard", "tapered tangent-tangent-end-True-layer",
+                       "tapered tangent-tapered theta-within-False-layer", "theta-tapered theta-within-False-layer")
+@helpers.pairwise(one=ONE, two=TWO, place=["within", "end"], slides=[False, True],
                   kind=ROUGH)
 def test_friction_has_its_derivatives_but_for_the_depth_and_takes_its_power(one, two, place, slides, kind):
     depth = 1e-3
@@ -213,8 +216,8 @@ def _resultant(point, sections):
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize("two", SECTIONS)
-@pytest.mark.parametrize("one", SECTIONS)
+@pytest.mark.parametrize("two", TWO)
+@pytest.mark.parametrize("one", ONE)
 def test_the_two_bodies_are_in_balance(one, two, place, friction):
     check_balance(rubbing(one, two, place, True, 0.03) if friction else Point(laws.COMPLIANT_BODIES, one, two, place),
                   (one, two))
