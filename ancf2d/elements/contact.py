@@ -44,11 +44,13 @@ from .contact_geometry import (
     STICK,
     STICKS,
     TOUCH,
+    WIDE,
     WORK,
     count_of,
     faces_away,
     gap_at,
     next_start_gap,
+    offset_at,
     opens_by_force,
     position_at,
 )
@@ -62,10 +64,11 @@ def add_gap_hessian(par, z, nx, ny, k, work, H):  # type: ignore[no-untyped-def]
     body, pose = count_of(par)
     n = body + pose
     for a in range(n):
-        ta = -ny * work[BY + a] + nx * work[BY + 8 + a]
+        ta = -ny * work[BY + a] + nx * work[BY + WIDE + a]
         for b in range(n):
-            tb = -ny * work[BY + b] + nx * work[BY + 8 + b]
-            work[MATRIX + 8 * a + b] = nx * work[BY_BY + 8 * a + b] + ny * work[BY_BY + 64 + 8 * a + b] + k * ta * tb
+            tb = -ny * work[BY + b] + nx * work[BY + WIDE + b]
+            bend = nx * work[BY_BY + WIDE * a + b] + ny * work[BY_BY + WIDE * (WIDE + a) + b]
+            work[MATRIX + WIDE * a + b] = bend + k * ta * tb
     add_hessian_by_fields(par, z, work, H, 0, 1.0)
 
 
@@ -85,11 +88,11 @@ def add_friction(par, z, nx, ny, k, ds, force, stiff, work, f, H):  # type: igno
     body, pose = count_of(par)
     n = body + pose
     for a in range(n):
-        na, ta = nx * work[BY + a] + ny * work[BY + 8 + a], -ny * work[BY + a] + nx * work[BY + 8 + a]
+        na, ta = nx * work[BY + a] + ny * work[BY + WIDE + a], -ny * work[BY + a] + nx * work[BY + WIDE + a]
         for b in range(n):
-            nb, tb = nx * work[BY + b] + ny * work[BY + 8 + b], -ny * work[BY + b] + nx * work[BY + 8 + b]
-            bend = -ny * work[BY_BY + 8 * a + b] + nx * work[BY_BY + 64 + 8 * a + b]
-            work[MATRIX + 8 * a + b] = ds * (bend - k * (na * tb + ta * nb))
+            nb, tb = nx * work[BY + b] + ny * work[BY + WIDE + b], -ny * work[BY + b] + nx * work[BY + WIDE + b]
+            bend = -ny * work[BY_BY + WIDE * a + b] + nx * work[BY_BY + WIDE * (WIDE + a) + b]
+            work[MATRIX + WIDE * a + b] = ds * (bend - k * (na * tb + ta * nb))
     add_hessian_by_fields(par, z, work, H, 0, -force)
     derivative_along(par, z, -ds * ny, ds * nx, work, work, ROW)
     m = field_count(par)
@@ -175,7 +178,8 @@ def change_to_touch(par, g, work):  # type: ignore[no-untyped-def]
     if int(par[SHAPE]) == POLYLINE and par[OPPOSITE + 1] <= 0.0:
         # gaps jump at the ends of open polylines
         return 0.0
-    return max(safe_change(par, g, 0.0, (work[RHO] - par[POSE_X], work[RHO + 1] - par[POSE_Y])), 0.0)
+    offset, place = abs(offset_at(par, par[HOME])[0]), (work[RHO] - par[POSE_X], work[RHO + 1] - par[POSE_Y])
+    return max(safe_change(par, g, 0.0, offset, place), 0.0)
 
 
 def over_step(law, extra):  # type: ignore[no-untyped-def]

@@ -19,6 +19,7 @@ from .contact_geometry import (
     SECTION,
     TERMS,
     VECTOR,
+    WIDE,
     count_of,
 )
 
@@ -50,15 +51,18 @@ def gradient_by_fields(par, z, work, first, order, out, add):  # type: ignore[no
 
 
 def add_hessian_by_fields(par, z, work, H, first, share):  # type: ignore[no-untyped-def]
-    """Add ``share`` times the matrix (8, 8) by X in work to H by the fields, in rows and columns from ``first`` on."""
+    """Add ``share`` times the matrix by X in work to H by the fields, in rows and columns from ``first`` on."""
     terms, section = int(par[TERMS]), int(par[SECTION])
     body, pose = count_of(par)
     sets = 3 if section == OF_THETA else 2
     fields = sets * terms + pose
     for a in range(body + pose):
+        if 2 + section <= a < body:
+            # the distance from the axis, which depends on no field
+            continue
         empty = True
         for b in range(body + pose):
-            work[VECTOR + b] = work[MATRIX + 8 * a + b]
+            work[VECTOR + b] = work[MATRIX + WIDE * a + b]
             if work[VECTOR + b] != 0.0:
                 empty = False
         if empty:
@@ -82,7 +86,7 @@ def derivative_along(par, z, vx, vy, work, out, add):  # type: ignore[no-untyped
     """Fill out from index ``add`` on with the derivative (fields,) of rho along (vx, vy)."""
     body, pose = count_of(par)
     for a in range(body + pose):
-        work[VECTOR + a] = vx * work[BY + a] + vy * work[BY + 8 + a]
+        work[VECTOR + a] = vx * work[BY + a] + vy * work[BY + WIDE + a]
     gradient_by_fields(par, z, work, VECTOR, 0, out, add)
 
 
@@ -93,10 +97,10 @@ def slope_derivative_along(par, z, vx, vy, work, out, add):  # type: ignore[no-u
     for a in range(body + pose):
         s = 0.0
         for b in range(body):
-            s += (vx * work[BY_BY + 8 * a + b] + vy * work[BY_BY + 64 + 8 * a + b]) * work[AT_1 + b]
-        work[VECTOR + a], work[VECTOR + 8 + a] = s, vx * work[BY + a] + vy * work[BY + 8 + a]
+            s += (vx * work[BY_BY + WIDE * a + b] + vy * work[BY_BY + WIDE * (WIDE + a) + b]) * work[AT_1 + b]
+        work[VECTOR + a], work[VECTOR + WIDE + a] = s, vx * work[BY + a] + vy * work[BY + WIDE + a]
     gradient_by_fields(par, z, work, VECTOR, 0, work, ROW)
-    gradient_by_fields(par, z, work, VECTOR + 8, 1, out, add)
+    gradient_by_fields(par, z, work, VECTOR + WIDE, 1, out, add)
     for q in range(field_count(par)):
         out[add + q] += work[ROW + q]
 
@@ -106,5 +110,5 @@ def add_second_derivative(par, z, vx, vy, work, H, first):  # type: ignore[no-un
     body, pose = count_of(par)
     for a in range(body + pose):
         for b in range(body + pose):
-            work[MATRIX + 8 * a + b] = vx * work[BY_BY + 8 * a + b] + vy * work[BY_BY + 64 + 8 * a + b]
+            work[MATRIX + WIDE * a + b] = vx * work[BY_BY + WIDE * a + b] + vy * work[BY_BY + WIDE * (WIDE + a) + b]
     add_hessian_by_fields(par, z, work, H, first, 1.0)

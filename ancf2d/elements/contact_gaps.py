@@ -23,32 +23,34 @@ from .contact_geometry import (
     AT,
     AT_1,
     AT_2,
+    BULGE,
     BY,
     FACE,
     HOME,
     MEMORY,
     OF_TANGENT,
     OF_THETA,
-    OFFSET,
     OPPOSITE,
     PLACE,
     PLACEMENT,
     RHO,
     SECTION,
     TERMS,
+    WIDE,
     curve_derivative,
     interpolate,
     offset,
+    offset_at,
     position_at,
 )
 
-# par from OPPOSITE on: section, powers and offset of the other curve at SECTION, TERMS and OFFSET, as for the own one
+# par from OPPOSITE on: section, powers and offset of the other curve at SECTION to BULGE, as for the own one
 # (and POSE, which is STILL); SIGN of its outside (1 left of its direction, -1 right); its START (S in m) and SPAN [m]
 # along the body; the lengths [m] of the surface BEFORE and AFTER it (inf: the body is closed) and HALF of its own; z of
 # the element if it is an END of the body (0 along the body), with the height of its middle and half of its height
 # (END_MIDDLE, END_HALF); the SUPPORTED_PART, held by supports in a motion (1: its first end, 2: its last one, 4: all)
-SIGN, START, SPAN, BEFORE, AFTER, HALF, END, END_MIDDLE, END_HALF, SUPPORTED_PART = 3, 4, 5, 6, 7, 8, 9, 11, 12, 13
-CURVE_SIZE = 14
+SIGN, START, SPAN, BEFORE, AFTER, HALF, END, END_MIDDLE, END_HALF, SUPPORTED_PART = *range(5, 12), 13, 14, 15
+CURVE_SIZE = 16
 # then of the point: its DEEPEST allowed penetration, S [m] of it (POINT_S) and the length POINT_SPAN of its element,
 # the LEAST_DISTANCE along the body below which places are too near to touch (with the length OWN_LOOP of a closed
 # body), the end whose CORNER it is, whether it touches only places further ONWARD, whether it touches BOTH_SIDES, into
@@ -104,18 +106,24 @@ class Facing(NamedTuple):
     boxes: Any
 
 
-def line_at(par, p0, u, z, y):  # type: ignore[no-untyped-def]
-    """Return (x, y, tx, ty, kx, ky): position at the distance y from a curve's axis, and its derivatives by z.
+def line_at(par, p0, u, z):  # type: ignore[no-untyped-def]
+    """Return (x, y, tx, ty, kx, ky): position on a curve at z, and its derivatives by z.
 
     Unlike ``curve_at`` without derivatives by the fields, which a search does not need.
     """
+    y, slope = offset_at(par, z)
+    return _line_beside(par, p0, u, z, y, slope, 2.0 * par[BULGE])
+
+
+def _line_beside(par, p0, u, z, y, slope, bulge):  # type: ignore[no-untyped-def]
+    """Return the same at a distance y from the axis, with the derivatives ``slope`` and ``bulge`` by z."""
     terms, section = int(par[TERMS]), int(par[SECTION])
     x0, x1, x2, x3 = _powers(p0, u, 0, terms, z)
     y0, y1, y2, y3 = _powers(p0, u, terms, terms, z)
     if section == OF_THETA:
         angle, first, second, _ = _powers(p0, u, 2 * terms, terms, z)
         c, s = np.cos(angle), np.sin(angle)
-    elif section == OF_TANGENT and y != 0.0:
+    elif section == OF_TANGENT and (y != 0.0 or slope != 0.0 or bulge != 0.0):
         # the normal turns at the rate w = X''.n/L, L = |X'|
         L = np.sqrt(x1 * x1 + y1 * y1)
         c, s = x1 / L, y1 / L
@@ -123,9 +131,10 @@ def line_at(par, p0, u, z, y):  # type: ignore[no-untyped-def]
         second = ((y3 * c - x3 * s) - 2.0 * first * (x2 * c + y2 * s)) / L
     else:
         return x0, y0, x1, y1, x2, y2
-    bend = y * first * first
-    return (x0 - y * s, y0 + y * c, x1 - y * first * c, y1 - y * first * s,
-            x2 - y * second * c + bend * s, y2 - y * second * s - bend * c)
+    # derivatives of y n along the section and across it
+    turn, along, across = y * first, y * second + 2.0 * slope * first, bulge - y * first * first
+    return (x0 - y * s, y0 + y * c, x1 - turn * c - slope * s, y1 - turn * s + slope * c,
+            x2 - along * c - across * s, y2 - along * s + across * c)
 
 
 def _powers(p0, u, at, terms, z):  # type: ignore[no-untyped-def]
@@ -142,9 +151,9 @@ def _powers(p0, u, at, terms, z):  # type: ignore[no-untyped-def]
 def trace_at(par, p0, u, z):  # type: ignore[no-untyped-def]
     """Return (x, y, tx, ty, kx, ky) of ``line_at`` for a curve that may be touched, which may be an end of a body."""
     if par[END] == 0.0:
-        return line_at(par, p0, u, z, par[OFFSET])
-    x, y, _, _, _, _ = line_at(par, p0, u, par[END], 0.0)
-    a, b, _, _, _, _ = line_at(par, p0, u, par[END], par[END_HALF])
+        return line_at(par, p0, u, z)
+    x, y, _, _, _, _ = _line_beside(par, p0, u, par[END], 0.0, 0.0, 0.0)
+    a, b, _, _, _, _ = _line_beside(par, p0, u, par[END], par[END_HALF], 0.0, 0.0)
     at = par[END_MIDDLE] / par[END_HALF] + z
     return x + at * (a - x), y + at * (b - y), a - x, b - y, 0.0, 0.0
 
@@ -160,15 +169,13 @@ def curve_at(par, p0, u, z, work, across):  # type: ignore[no-untyped-def]
         kx, ky = curve_derivative(par, work, AT_2, 2)
         return tx, ty, kx, ky
     interpolate(par, p0, u, par[END], across)
-    par[OFFSET] = par[END_HALF]
-    offset(par, across)
+    offset(par, par[END_HALF], across)
     interpolate(par, p0, u, par[END], work)
-    par[OFFSET] = par[END_MIDDLE] + z * par[END_HALF]
-    offset(par, work)
+    offset(par, par[END_MIDDLE] + z * par[END_HALF], work)
     across[RHO] -= across[AT]
     across[RHO + 1] -= across[AT + 1]
     across[BY] -= 1.0
-    across[BY + 9] -= 1.0
+    across[BY + WIDE + 1] -= 1.0
     return across[RHO], across[RHO + 1], 0.0, 0.0
 
 

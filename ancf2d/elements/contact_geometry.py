@@ -5,9 +5,9 @@ as fields: x and y of the curve itself; or, for sections that stay rigid, x and 
 coordinate, the rotation, from which rho = r + y n follows. The fields of a moving obstacle come next: x, y and angle,
 or x, y and the direction of a rigid body. A hard contact has its multiplier last.
 
-With X (n,) the position, rotation or tangent at z and the pose of the obstacle, rho(X) is the point in the frame of the
-obstacle. Its gap g has the gradient nu (a unit vector) and the Hessian k t t^T, with t normal to nu and k = 1/distance
-from the centre of curvature.
+With X (n,) the position, rotation or tangent at z, the distance y from the axis if it varies along the element, and the
+pose of the obstacle, rho(X) is the point in the frame of the obstacle. Its gap g has the gradient nu (a unit vector)
+and the Hessian k t t^T, with t normal to nu and k = 1/distance from the centre of curvature.
 
 Functions of arrays and numbers alone, which the kernels compile unchanged.
 """
@@ -23,9 +23,10 @@ STILL, BY_ANGLE, BY_DIRECTION = 0, 1, 2
 # BODY: not an obstacle, but another body (contact_gaps)
 HALF_PLANE, CIRCLE, POLYLINE, BODY = 0, 1, 2, 3
 # par: position on the body, constants of the contact, pose of the obstacle in the reference, compliance of a point
-# between nodes (``contact_sliding``), shape of the obstacle, and what is OPPOSITE: its numbers, or another curve
-(SECTION, TERMS, OFFSET, HOME, WEIGHT, STIFFNESS, DAMPING, FRICTION, STICK, TOUCH, POSE, POSE_X, POSE_Y, LENGTH, FACE,
- BENDING, SHEAR, SHAPE, OPPOSITE) = range(19)
+# between nodes (``contact_sliding``), shape of the obstacle, and what is OPPOSITE: its numbers, or another curve. A
+# curve is at y = OFFSET + SLOPE z + BULGE z^2 from an axis with rotating sections.
+(SECTION, TERMS, OFFSET, SLOPE, BULGE, HOME, WEIGHT, STIFFNESS, DAMPING, FRICTION, STICK, TOUCH, POSE, POSE_X, POSE_Y,
+ LENGTH, FACE, BENDING, SHEAR, SHAPE, OPPOSITE) = range(21)
 # the same places in hard contact: the constant c of ``contact.hard``, and half of the interval, in z, that a point may
 # move in about its HOME
 AUGMENTATION, HALF_INTERVAL = STIFFNESS, DAMPING
@@ -43,9 +44,12 @@ SUPPORTED, UNUSED_ON_ELEMENT, UNUSED, AT_HOME, SLIDING, ON_BEAM, ON_ELEMENT = -3
 STICKS, CLOSES, NO_IMPACT = 2.0, 3.0, np.inf
 PULLED, BY_FORCE, OPEN, CLOSED = -2.0, -1.0, 0.0, 1.0
 OUTSIDE, UNTOUCHED = np.inf, -np.inf
-# rows of work: X, X', X'' (8 each), rho (2), its derivatives by X (2, 8) and (2, 8, 8), small vectors and matrices
-AT, AT_1, AT_2, RHO, BY, BY_BY, VECTOR, MATRIX, ROW, OTHER = 0, 8, 16, 24, 26, 42, 170, 226, 290, 330
-WORK = 370
+# most entries of X
+WIDE = 9
+# rows of work: X, X', X'' (WIDE each), rho (2), its derivatives by X (2, WIDE) and (2, WIDE, WIDE), small vectors and
+# matrices
+AT, AT_1, AT_2, RHO, BY, BY_BY, VECTOR, MATRIX, ROW, OTHER = 0, 9, 18, 27, 29, 47, 209, 227, 308, 348
+WORK = 388
 # most fields of a contact
 MOST_FIELDS = 100
 # cosine of the angle between face normal and gap gradient: a face turned away by more is the back of a thin body
@@ -56,15 +60,32 @@ POWER = 2.0 / 3.0
 
 def count_of(par):  # type: ignore[no-untyped-def]
     """Return the numbers of entries of X that belong to the body and to the obstacle."""
-    section, pose = int(par[SECTION]), int(par[POSE])
-    return 2 + section, (0 if pose == STILL else 2 + pose)
+    pose = int(par[POSE])
+    return 2 + int(par[SECTION]) + (1 if tapers(par) else 0), (0 if pose == STILL else 2 + pose)
+
+
+def tapers(par):  # type: ignore[no-untyped-def]
+    """Return whether the distance of the curve from the axis varies along it; it is then an entry of X."""
+    return par[SLOPE] != 0.0 or par[BULGE] != 0.0
+
+
+def offset_at(par, z):  # type: ignore[no-untyped-def]
+    """Return the distance y of the curve from the axis at z, and dy/dz."""
+    if not tapers(par):
+        return par[OFFSET], 0.0
+    return par[OFFSET] + z * (par[SLOPE] + z * par[BULGE]), par[SLOPE] + 2.0 * z * par[BULGE]
+
+
+def largest_offset(par):  # type: ignore[no-untyped-def]
+    """Return a bound on the distance of the curve from the axis, |z| <= 1."""
+    return abs(par[OFFSET]) + abs(par[SLOPE]) + abs(par[BULGE])
 
 
 def interpolate(par, p0, u, z, work):  # type: ignore[no-untyped-def]
     """Fill X, dX/dz and d2X/dz2 at z from the fields p0 + u."""
     terms, section = int(par[TERMS]), int(par[SECTION])
     sets = 3 if section == OF_THETA else 2
-    for k in range(24):
+    for k in range(RHO):
         work[k] = 0.0
     for c in range(sets):
         v0, v1, v2, v3 = 0.0, 0.0, 0.0, 0.0
@@ -78,40 +99,57 @@ def interpolate(par, p0, u, z, work):  # type: ignore[no-untyped-def]
         if section == OF_TANGENT:
             work[AT + 2 + c], work[AT_1 + 2 + c], work[AT_2 + 2 + c] = v1, v2, v3
     body, pose = count_of(par)
+    if tapers(par):
+        work[AT + body - 1], work[AT_1 + body - 1] = offset_at(par, z)
+        work[AT_2 + body - 1] = 2.0 * par[BULGE]
     for i in range(pose):
         work[AT + body + i] = p0[sets * terms + i] + u[sets * terms + i]
 
 
-def offset(par, work):  # type: ignore[no-untyped-def]
-    """Fill rho and its first and second derivatives by the interpolated fields, in the global frame."""
-    y, section = par[OFFSET], int(par[SECTION])
+def offset(par, y, work):  # type: ignore[no-untyped-def]
+    """Fill rho at y and its first and second derivatives by the interpolated fields, in the global frame."""
+    section, varies = int(par[SECTION]), tapers(par)
     for k in range(RHO, VECTOR):
         work[k] = 0.0
     work[RHO], work[RHO + 1] = work[AT], work[AT + 1]
-    work[BY], work[BY + 9] = 1.0, 1.0
+    work[BY], work[BY + WIDE + 1] = 1.0, 1.0
     if section == OF_THETA:
         c, s = np.cos(work[AT + 2]), np.sin(work[AT + 2])
         work[RHO] -= y * s
         work[RHO + 1] += y * c
-        work[BY + 2], work[BY + 10] = -y * c, -y * s
-        work[BY_BY + 18], work[BY_BY + 82] = y * s, -y * c
-    elif section == OF_TANGENT and y != 0.0:
+        work[BY + 2], work[BY + WIDE + 2] = -y * c, -y * s
+        work[BY_BY + 2 * (WIDE + 1)], work[BY_BY + WIDE * WIDE + 2 * (WIDE + 1)] = y * s, -y * c
+        if varies:
+            work[BY + 3], work[BY + WIDE + 3] = -s, c
+            _set_pair(work, 3, 2, -c, -s)
+    elif section == OF_TANGENT and (varies or y != 0.0):
         dx, dy = work[AT + 2], work[AT + 3]
         L = np.sqrt(dx * dx + dy * dy)
         e0, e1 = dx / L, dy / L
         work[RHO] -= y * e1
         work[RHO + 1] += y * e0
+        if varies:
+            work[BY + 4], work[BY + WIDE + 4] = -e1, e0
         for j in range(2):
             ej = e1 if j == 1 else e0
             # derivative of e: (1 - e e)/L; n = (-e1, e0)
             d0, d1 = (1.0 - j - e0 * ej) / L, (j - e1 * ej) / L
-            work[BY + 2 + j], work[BY + 10 + j] = -y * d1, y * d0
+            work[BY + 2 + j], work[BY + WIDE + 2 + j] = -y * d1, y * d0
+            if varies:
+                _set_pair(work, 4, 2 + j, -d1, d0)
             for k in range(2):
                 ek = e1 if k == 1 else e0
                 jk = 1.0 if j == k else 0.0
                 f0 = (3.0 * e0 * ej * ek - e0 * jk - (1 - j) * ek - (1 - k) * ej) / (L * L)
                 f1 = (3.0 * e1 * ej * ek - e1 * jk - j * ek - k * ej) / (L * L)
-                work[BY_BY + 8 * (2 + j) + 2 + k], work[BY_BY + 64 + 8 * (2 + j) + 2 + k] = -y * f1, y * f0
+                at = BY_BY + WIDE * (2 + j) + 2 + k
+                work[at], work[at + WIDE * WIDE] = -y * f1, y * f0
+
+
+def _set_pair(work, a, b, x, y):  # type: ignore[no-untyped-def]
+    """Set the second derivative (x, y) of rho by entries a and b of X."""
+    work[BY_BY + WIDE * a + b], work[BY_BY + WIDE * b + a] = x, x
+    work[BY_BY + WIDE * (WIDE + a) + b], work[BY_BY + WIDE * (WIDE + b) + a] = y, y
 
 
 def to_obstacle_frame(par, work):  # type: ignore[no-untyped-def]
@@ -131,26 +169,25 @@ def to_obstacle_frame(par, work):  # type: ignore[no-untyped-def]
         at = body + 2 + k
         if pose == BY_ANGLE:
             dc, ds = -s, c
-            work[BY_BY + 9 * at], work[BY_BY + 64 + 9 * at] = -(c * x + s * y), s * x - c * y
+            _set_pair(work, at, at, -(c * x + s * y), s * x - c * y)
         else:
             dc, ds = (1.0 - k) / par[LENGTH], k / par[LENGTH]
-        work[BY + at], work[BY + 8 + at] = dc * x + ds * y, -ds * x + dc * y
+        work[BY + at], work[BY + WIDE + at] = dc * x + ds * y, -ds * x + dc * y
         for b in range(body + 2):
             if b < body:
-                jx, jy = work[BY + b], work[BY + 8 + b]
+                jx, jy = work[BY + b], work[BY + WIDE + b]
             else:
                 jx, jy = (-1.0, 0.0) if b == body else (0.0, -1.0)
-            qx, qy = dc * jx + ds * jy, -ds * jx + dc * jy
-            work[BY_BY + 8 * at + b], work[BY_BY + 8 * b + at] = qx, qx
-            work[BY_BY + 64 + 8 * at + b], work[BY_BY + 64 + 8 * b + at] = qy, qy
+            _set_pair(work, at, b, dc * jx + ds * jy, -ds * jx + dc * jy)
     for b in range(body):
-        jx, jy = work[BY + b], work[BY + 8 + b]
-        work[BY + b], work[BY + 8 + b] = c * jx + s * jy, -s * jx + c * jy
+        jx, jy = work[BY + b], work[BY + WIDE + b]
+        work[BY + b], work[BY + WIDE + b] = c * jx + s * jy, -s * jx + c * jy
         for k in range(body):
-            qx, qy = work[BY_BY + 8 * b + k], work[BY_BY + 64 + 8 * b + k]
-            work[BY_BY + 8 * b + k], work[BY_BY + 64 + 8 * b + k] = c * qx + s * qy, -s * qx + c * qy
-    work[BY + body], work[BY + 8 + body] = -c, s
-    work[BY + body + 1], work[BY + 8 + body + 1] = -s, -c
+            one = BY_BY + WIDE * b + k
+            two = one + WIDE * WIDE
+            work[one], work[two] = c * work[one] + s * work[two], -s * work[one] + c * work[two]
+    work[BY + body], work[BY + WIDE + body] = -c, s
+    work[BY + body + 1], work[BY + WIDE + body + 1] = -s, -c
 
 
 def corner(par, i, x, y):  # type: ignore[no-untyped-def]
@@ -263,7 +300,7 @@ def bound_on_distance(par, p0, u, z):  # type: ignore[no-untyped-def]
             away += (1.0 + power) * abs(p0[c * terms + j] + u[c * terms + j])
         square += away * away
     # rigid sections may rotate by any angle
-    size = np.sqrt(square) + 2.0 * abs(par[OFFSET])
+    size = np.sqrt(square) + 2.0 * largest_offset(par)
     if int(par[POSE]) == BY_DIRECTION:
         at = (3 if int(par[SECTION]) == OF_THETA else 2) * terms + 2
         dx, dy = p0[at] + u[at], p0[at + 1] + u[at + 1]
@@ -277,19 +314,19 @@ def curve_derivative(par, work, first, order):  # type: ignore[no-untyped-def]
     rx, ry = 0.0, 0.0
     for a in range(body):
         rx += work[BY + a] * work[first + a]
-        ry += work[BY + 8 + a] * work[first + a]
+        ry += work[BY + WIDE + a] * work[first + a]
         if order == 2:
             for b in range(body):
                 q = work[AT_1 + a] * work[AT_1 + b]
-                rx += work[BY_BY + 8 * a + b] * q
-                ry += work[BY_BY + 64 + 8 * a + b] * q
+                rx += work[BY_BY + WIDE * a + b] * q
+                ry += work[BY_BY + WIDE * (WIDE + a) + b] * q
     return rx, ry
 
 
 def position_at(par, p0, u, z, work):  # type: ignore[no-untyped-def]
     """Fill X, rho and its derivatives at z."""
     interpolate(par, p0, u, z, work)
-    offset(par, work)
+    offset(par, offset_at(par, z)[0], work)
     to_obstacle_frame(par, work)
 
 
@@ -309,7 +346,7 @@ def faces_away(par, nx, ny, work):  # type: ignore[no-untyped-def]
         return False
     if int(par[SECTION]) == OF_THETA:
         # normal of the section, which two elements share at a node
-        tx, ty = -work[BY + 2] / par[OFFSET], -work[BY + 10] / par[OFFSET]
+        tx, ty = -par[FACE] * work[BY + 2], -par[FACE] * work[BY + WIDE + 2]
     else:
         tx, ty = curve_derivative(par, work, AT_1, 1)
     return par[FACE] * (tx * ny - ty * nx) > BACK * np.sqrt(tx * tx + ty * ty)

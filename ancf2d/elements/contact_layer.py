@@ -27,7 +27,6 @@ from .contact_geometry import (
     LENGTH,
     OF_TANGENT,
     OF_THETA,
-    OFFSET,
     OPPOSITE,
     OUTSIDE,
     POLYLINE,
@@ -44,7 +43,9 @@ from .contact_geometry import (
     WEIGHT,
     bound_on_distance,
     distance_at,
+    largest_offset,
     next_start_gap,
+    offset_at,
     place_at,
 )
 from .point_laws import APART, work_matrix
@@ -89,27 +90,28 @@ def position_at(par, work, z):  # type: ignore[no-untyped-def]
 
     The latter are those of x and y by theta or by the first component of the tangent, then by its second component.
     """
-    terms, section = int(par[TERMS]), int(par[SECTION])
-    xs, ys, P, S = work[HERE, :terms], work[HERE, terms:2 * terms], work[POWERS], work[SLOPES]
+    terms, section, P, S = int(par[TERMS]), int(par[SECTION]), work[POWERS], work[SLOPES]
+    xs, ys = work[HERE, :terms], work[HERE, terms:2 * terms]
     x, y, x1, y1, x2, y2, m0, m1, m2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
     for j in range(terms):
         P[j], S[j] = m0, m1
-        x, y, x1, y1, x2, y2 = (x + xs[j] * m0, y + ys[j] * m0, x1 + xs[j] * m1, y1 + ys[j] * m1, x2 + xs[j] * m2,
-                                y2 + ys[j] * m2)
+        x, y, x1, y1 = x + xs[j] * m0, y + ys[j] * m0, x1 + xs[j] * m1, y1 + ys[j] * m1
+        x2, y2 = x2 + xs[j] * m2, y2 + ys[j] * m2
         m0, m1, m2 = m0 * z, m1 * z + m0, m2 * z + 2.0 * m1
-    h, a, b, c, d = par[OFFSET], 0.0, 0.0, 0.0, 0.0
+    (h, slope), a, b, c, d = offset_at(par, z), 0.0, 0.0, 0.0, 0.0
     if section == OF_THETA:
         ts, t, t1 = work[HERE, 2 * terms:], 0.0, 0.0
         for j in range(terms):
             t, t1 = t + ts[j] * P[j], t1 + ts[j] * S[j]
-        a, b = -h * np.cos(t), -h * np.sin(t)
-        x, y, x1, y1 = x + b, y - a, x1 + a * t1, y1 + b * t1
-    elif section == OF_TANGENT and h != 0.0:
+        ex, ey = np.cos(t), np.sin(t)
+        a, b = -h * ex, -h * ey
+        x, y, x1, y1 = x + b, y - a, x1 + a * t1 - slope * ey, y1 + b * t1 + slope * ex
+    elif section == OF_TANGENT and (h != 0.0 or slope != 0.0):
         L = np.sqrt(x1 * x1 + y1 * y1)
         ex, ey = x1 / L, y1 / L
         x, y = x - h * ey, y + h * ex
         a, b, c, d = h * ex * ey / L, h * ey * ey / L, -h * ex * ex / L, -h * ex * ey / L
-        x1, y1 = x1 + a * x2 + c * y2, y1 + b * x2 + d * y2
+        x1, y1 = x1 + a * x2 + c * y2 - slope * ey, y1 + b * x2 + d * y2 + slope * ex
     return x, y, x1, y1, a, b, c, d
 
 
@@ -151,7 +153,7 @@ def row_of(par, work, x, y, bends, q, out):  # type: ignore[no-untyped-def]
 
 def second_derivatives_by_section(par, work, vx, vy, bends):  # type: ignore[no-untyped-def]
     """Return the second derivatives of v.rho by the section: by theta, or by the tangent components xx, xy and yy."""
-    section, h = int(par[SECTION]), par[OFFSET]
+    section, h = int(par[SECTION]), offset_at(par, par[HOME])[0]
     if section == OF_THETA:
         return vy * bends[0] - vx * bends[1], 0.0, 0.0
     if section != OF_TANGENT or h == 0.0:
@@ -283,18 +285,19 @@ def faces_away(par, x1, y1, nx, ny, bends, q):  # type: ignore[no-untyped-def]
     if par[FACE] == 0.0:
         return False
     if int(par[SECTION]) == OF_THETA:
-        x1, y1 = -bends[0] / par[OFFSET], -bends[1] / par[OFFSET]
+        x1, y1 = -par[FACE] * bends[0], -par[FACE] * bends[1]
     tx, ty = q[2] * x1 + q[3] * y1, q[2] * y1 - q[3] * x1
     return par[FACE] * (tx * ny - ty * nx) > BACK * np.sqrt(tx * tx + ty * ty)
 
 
-def safe_change(par, gap, length, q):  # type: ignore[no-untyped-def]
-    """Return a sum of changes of fields below which a curve cannot touch; ``length`` bounds the distance of its points.
+def safe_change(par, gap, length, offset, q):  # type: ignore[no-untyped-def]
+    """Return a sum of changes of fields below which a curve cannot touch, at most ``offset`` from its axis; ``length``
+    bounds the distance of its points.
 
     ``gap`` is that of one point. Sections may rotate by any angle, and a rotation of the pose moves a place by its
     distance. Half of the gap is used, because the direction of a pose may have another length until a step converges.
     """
-    pose, far = int(par[POSE]), 0.5 * (gap - length) - abs(par[OFFSET])
+    pose, far = int(par[POSE]), 0.5 * (gap - length) - offset
     if pose == STILL:
         return far
     distance = np.sqrt(q[0] * q[0] + q[1] * q[1]) + length
@@ -331,7 +334,7 @@ def layer(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         g, nx, ny, k, part = distance_at(one, place[0], place[1], -1.0)
         if g >= 0.0:
             if i == 0:
-                far = safe_change(one, g, bound_on_distance(one, p0, u, one[HOME]), q)
+                far = safe_change(one, g, bound_on_distance(one, p0, u, one[HOME]), largest_offset(one), q)
                 if far > 0.0:
                     break
             continue
@@ -373,10 +376,9 @@ def layer_at(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 def accept_layer(p0, u, par, mem):  # type: ignore[no-untyped-def]
     """Update, at an accepted state, the gap from which each point of a curve presses, and its friction anchor."""
-    m = len(u)
-    work = work_matrix(ROWS, m)
+    work = work_matrix(ROWS, len(u))
     here = work[HERE]
-    for j in range(m):
+    for j in range(len(u)):
         here[j] = p0[j] + u[j]
     for i in range(len(par)):
         one, anchor = par[i], mem[i, ANCHOR]

@@ -22,7 +22,6 @@ from .contact_curves import (
     Spot,
     curve_rows,
     curves_of,
-    eta_at,
     face_of,
     levels_of,
     moves,
@@ -182,18 +181,18 @@ class BodyPair:
         mesh, opposite = self.mesh, self.curves[0]
         G, start, par = [], [], []
         for p in self.spots:
-            eta = eta_at(mesh, p)
-            rows, terms, kind = curve_rows(mesh, p.ie, eta)
+            rows, terms, kind = curve_rows(mesh, p.ie, p.eta)
             both = np.zeros((len(rows) + len(opposite.G), rows.shape[1] + opposite.G.shape[1]))
             both[:len(rows), :rows.shape[1]], both[len(rows):, rows.shape[1]:] = rows, opposite.G
             G.append(both)
             start.append(np.concatenate([rows @ mesh.e0[mesh.dofs[p.ie] - mesh.first_dof], opposite.p0]))
-            par.append([kind, terms, offset_of(mesh, eta), p.z, *self._law(p), TOUCH * self.scale, geometry.STILL, 0.0,
-                        0.0, 1.0, self._face(p), 0.0, 0.0, geometry.BODY, *opposite.constants, *self._limits(p)])
+            par.append([kind, terms, *offset_of(mesh, p.ie, p.eta), p.z, *self._law(p), TOUCH * self.scale,
+                        geometry.STILL, 0.0, 0.0, 1.0, self._face(p), 0.0, 0.0, geometry.BODY, *opposite.constants,
+                        *self._limits(p)])
         own = np.array([mesh.dofs[p.ie] for p in self.spots]).reshape(len(self.spots), -1)
         self.dofs: Index = np.hstack([own, np.broadcast_to(opposite.dofs, (len(own), len(opposite.dofs)))])
         self.G, self.p0, self.par = np.array(G), np.array(start), np.array(par)
-        same = [geometry.SECTION, geometry.TERMS, geometry.OFFSET]
+        same = [geometry.SECTION, geometry.TERMS, geometry.OFFSET, geometry.SLOPE, geometry.BULGE]
         self.alike = _alike(self.par[:, same])
         self.alike_curves = _alike(np.array([c.constants for c in self.curves])[
             :, [*same, facing.END, facing.END_MIDDLE, facing.END_HALF]])

@@ -25,7 +25,6 @@ from .contact_curves import (
     Spot,
     beam_curve,
     compliances_of,
-    eta_at,
     face_of,
     is_cubic,
     movable,
@@ -126,17 +125,17 @@ class ContactPair:
         seen = cache(lambda cls, eta: touching_rows(mesh, int(np.flatnonzero(mesh.cls == cls)[0]), eta, item.side,
                                                     self.places_move))
         # element and height of the curve of each spot
-        self.on_curve = [(p.ie, eta_at(mesh, p)) for p in self.spots]
-        for p, (_, eta) in zip(self.spots, self.on_curve, strict=True):
-            own, terms, kind = seen(int(mesh.cls[p.ie]), eta)
+        self.on_curve = [(p.ie, p.eta) for p in self.spots]
+        for p in self.spots:
+            own, terms, kind = seen(int(mesh.cls[p.ie]), p.eta)
             both = np.zeros((len(own) + len(rows), own.shape[1] + len(coords)))
             both[:len(own), :own.shape[1]], both[len(own):, own.shape[1]:] = own, rows
             G.append(both)
             start.append(np.concatenate([own @ mesh.e0[mesh.dofs[p.ie] - mesh.first_dof], p0]))
             dofs.append(np.concatenate([mesh.dofs[p.ie], coords]))
-            par.append([kind, terms, offset_of(mesh, eta), p.z, p.weight, *self._law(p), TOUCH * extent, frame.kind,
-                        *frame.origin, frame.length, face_of(p, item.side), *compliances_of(mesh, p, self.places_move),
-                        *obstacle.shape()])
+            par.append([kind, terms, *offset_of(mesh, p.ie, p.eta), p.z, p.weight, *self._law(p), TOUCH * extent,
+                        frame.kind, *frame.origin, frame.length, face_of(p, item.side),
+                        *compliances_of(mesh, p, self.places_move), *obstacle.shape()])
         self.dofs: Index = np.array(dofs)
         self.G, self.p0, self.par = np.array(G), np.array(start), np.array(par)
         self.mem: Array = np.zeros((len(self.spots), geometry.MEMORY))

@@ -48,9 +48,8 @@ class Spot:
 
 def pieces_along(mesh: BodyMesh) -> int:
     """Return the number of contact intervals of an element: its nodal vectors r, r_x, ... but for the last node."""
-    element = mesh.plan.element
-    own = [node for node, name in element.functionals if "y" not in name.partition("_")[2]]
-    shared = sum(node == len(element.nodes) - 1 for node in own)
+    own = [node for node, name in mesh.plan.element.functionals if "y" not in name.partition("_")[2]]
+    shared = sum(node == len(mesh.plan.element.nodes) - 1 for node in own)
     return max(len(own) - shared, 1)
 
 
@@ -63,8 +62,8 @@ def levels_of(mesh: BodyMesh, side: str) -> list[float]:
     """Return eta of the curves that may touch: the lower and upper face, or the axis."""
     if side == "axis":
         return [0.0]
-    below = 2.0 * mesh.plan.section.height_of_axis / mesh.plan.section.height
-    return [-below, 2.0 - below]
+    low = -2.0 * mesh.plan.section.height_of_axis / mesh.plan.section.height
+    return [low, 2.0 + low]
 
 
 def spots(mesh: BodyMesh, side: str, compliant: bool, places_move: bool, between: int = 1) -> list[Spot]:
@@ -120,19 +119,17 @@ def _chosen(mesh: BodyMesh, some: list[Spot], follows: Mapping[int, Any], moved:
 
 
 def moves(mesh: BodyMesh, spot: Spot, follows: Mapping[int, Any]) -> bool:
-    """Return whether unknowns move a spot in the reference; ``follows`` has the terms of all other coordinates.
-    """
-    eta, dofs = eta_at(mesh, spot), mesh.dofs[spot.ie]
-    rows, terms, kind = curve_rows(mesh, spot.ie, eta)
-    powers = spot.z ** np.arange(terms)
+    """Return whether unknowns move a spot in the reference; ``follows`` has the terms of all other coordinates."""
+    dofs = mesh.dofs[spot.ie]
+    rows, terms, kind = curve_rows(mesh, spot.ie, spot.eta)
     parts = rows.reshape(-1, terms, rows.shape[1])
-    ways: Array = powers @ parts
-    if kind == geometry.OF_TANGENT and eta != 0.0:
+    ways: Array = spot.z ** np.arange(terms) @ parts
+    if kind == geometry.OF_TANGENT and spot.eta != 0.0:
         # a change of length of the tangent causes no rotation
         slope = (np.arange(terms) * spot.z ** np.maximum(np.arange(terms) - 1, 0)) @ parts
         tangent = slope @ mesh.e0[dofs - mesh.first_dof]
         ways = np.vstack([ways, (tangent[0] * slope[1] - tangent[1] * slope[0]) / np.hypot(*tangent)])
-    if kind == geometry.OF_THETA and eta == 0.0:
+    if kind == geometry.OF_THETA and spot.eta == 0.0:
         # rotation does not move points on the axis
         ways = ways[:2]
     least, total = 1e-12 * np.abs(ways).max(), dict[int, Array]()
@@ -142,12 +139,13 @@ def moves(mesh: BodyMesh, spot: Spot, follows: Mapping[int, Any]) -> bool:
     return any(np.abs(way).max() > least for way in total.values())
 
 
-def eta_at(mesh: BodyMesh, spot: Spot) -> float:
-    """Return eta of a spot relative to the height in the shape functions, if the height varies along the body."""
+def height_along(mesh: BodyMesh, ie: int) -> Array:
+    """Return coefficients (3,) of the height along an element as a parabola, relative to that in shape functions."""
     if mesh.plan.varying is None:
-        return spot.eta
-    height = mesh.classes[mesh.cls[spot.ie]].sampler.at(np.array([0.5 * (spot.z + 1.0)])).height
-    return spot.eta * float(np.broadcast_to(height, 1)[0]) / mesh.plan.section.height
+        return np.array([1.0, 0.0, 0.0])
+    found = mesh.classes[mesh.cls[ie]].sampler.at(np.array([0.0, 0.5, 1.0])).height
+    first, middle, last = np.broadcast_to(found, 3) / mesh.plan.section.height
+    return np.array([middle, 0.5 * (last - first), 0.5 * (first + last) - middle]).round(14)
 
 
 def face_of(spot: Spot, side: str) -> float:
@@ -155,9 +153,11 @@ def face_of(spot: Spot, side: str) -> float:
     return 0.0 if side == "axis" or abs(spot.eta) < 1e-12 else math.copysign(1.0, spot.eta)
 
 
-def offset_of(mesh: BodyMesh, eta: float) -> float:
-    """Return the distance of a curve from the axis for sections that stay straight, else 0."""
-    return 0.0 if mesh.plan.element.section_kind == "interpolated" else 0.5 * eta * mesh.plan.section.height
+def offset_of(mesh: BodyMesh, ie: int, eta: float) -> Array:
+    """Return the distance of a curve from the axis for sections that stay straight, else 0, as coefficients (3,)."""
+    if mesh.plan.element.section_kind == "interpolated":
+        return np.zeros(3)
+    return 0.5 * eta * mesh.plan.section.height * height_along(mesh, ie)
 
 
 def is_cubic(mesh: BodyMesh) -> bool:
@@ -167,10 +167,11 @@ def is_cubic(mesh: BodyMesh) -> bool:
 
 def compliances_of(mesh: BodyMesh, spot: Spot, places_move: bool) -> tuple[float, float]:
     """Return l^3/3 EI and l/kGA of the interval of a free spot in statics, else zeros; see ``contact_sliding``."""
-    section, l = mesh.plan.section, spot.weight
     if not (places_move and spot.free) or mesh.plan.rigid:
         return 0.0, 0.0
-    return l**3 / (3.0 * section.EI), 0.0 if mesh.plan.element.section_kind == "tangent" else l / section.kGA
+    l, middle = spot.weight, mesh.classes[mesh.cls[spot.ie]].sampler.at(np.array([0.5]))
+    shear = 0.0 if mesh.plan.element.section_kind == "tangent" else l / float(np.mean(middle.kGA))
+    return l**3 / (3.0 * float(np.mean(middle.EI))), shear
 
 
 def curve_rows(mesh: BodyMesh, ie: int, eta: float) -> tuple[Array, int, int]:
@@ -178,14 +179,27 @@ def curve_rows(mesh: BodyMesh, ie: int, eta: float) -> tuple[Array, int, int]:
     element, shape = mesh.plan.element, mesh.classes[mesh.cls[ie]].shape
     kinds = {"interpolated": geometry.CURVE, "theta": geometry.OF_THETA, "tangent": geometry.OF_TANGENT}
     kind = kinds[element.section_kind]
-    terms, half, nc = element.degree_x + 1, shape.l / 2, element.components
-    at = (np.array([0.5]), np.array([eta if kind == geometry.CURVE else 0.0]))
-    powers = np.stack([shape(*at, j, 0)[0] * half**j / math.factorial(j) for j in range(terms)])
+    half, nc, terms = shape.l / 2, element.components, _degree_along(mesh) + 1
+    middle, slope, bulge = eta * height_along(mesh, ie) if kind == geometry.CURVE else np.zeros(3)
+    powers, part = np.zeros((terms, element.n_dof // nc)), np.ones(1)
+    # sum of y^k/k! times derivatives across the axis, with the distance y(z) from the height in the middle
+    y = 0.5 * mesh.plan.section.height * np.array([0.0, slope, bulge])
+    for k in range(element.degree_y + 1 if y.any() else 1):
+        part = np.convolve(part, y) / k if k else part
+        for j in range(element.degree_x + 1):
+            row = shape(np.array([0.5]), np.array([middle]), j, k)[0] * half**j / math.factorial(j)
+            powers[j:j + len(part)] += np.outer(part, row)
     sets = 3 if kind == geometry.OF_THETA else 2
     rows = np.zeros((sets * terms, element.n_dof))
     for c in range(sets):
         rows[c * terms:(c + 1) * terms, c::nc] = powers
     return rows, terms, kind
+
+
+def _degree_along(mesh: BodyMesh) -> int:
+    """Return the degree of the curves along the elements of a body; y is a parabola if its height varies."""
+    element = mesh.plan.element
+    return element.degree_x + (0 if mesh.plan.varying is None else 2 * element.degree_y)
 
 
 def padded(rows: Array, terms: int, wanted: int) -> Array:
@@ -232,18 +246,16 @@ class BeamCurve:
 
 
 def beam_curve(mesh: BodyMesh, spot: Spot, side: str, places_move: bool) -> BeamCurve | None:
-    """Return the beam's curve for a free spot in statics, or None if the spot touches with the curve of the element
-    itself."""
+    """Return the beam's curve for a free spot in statics, or None if it touches with the element's own curve."""
     if not (places_move and spot.free) or mesh.plan.rigid or mesh.plan.element.section_kind == "tangent":
         return None
-    return BeamCurve(mesh, spot.ie, eta_at(mesh, spot), side)
+    return BeamCurve(mesh, spot.ie, spot.eta, side)
 
 
 def _chord(mesh: BodyMesh, ie: int, wanted: int) -> Array:
     """Return the rows (2 wanted, n_dof) of a straight line between the ends of an element."""
     element, shape, nc = mesh.plan.element, mesh.classes[mesh.cls[ie]].shape, mesh.plan.element.components
-    first, last = shape(np.array([0.0, 1.0]), np.zeros(2), 0, 0)
-    out = np.zeros((2 * wanted, element.n_dof))
+    (first, last), out = shape(np.array([0.0, 1.0]), np.zeros(2), 0, 0), np.zeros((2 * wanted, element.n_dof))
     for c in range(2):
         out[c * wanted, c::nc], out[c * wanted + 1, c::nc] = 0.5 * (first + last), 0.5 * (last - first)
     return out
@@ -254,8 +266,7 @@ def _bends(mesh: BodyMesh, ie: int, across: int, wanted: int) -> Array:
 
     f is an interpolated field, or its derivative across the section.
     """
-    shape = mesh.classes[mesh.cls[ie]].shape
-    x, w = gauss(MEAN)
+    shape, (x, w) = mesh.classes[mesh.cls[ie]].shape, gauss(MEAN)
     first, last = shape(np.array([0.0, 1.0]), np.zeros(2), 0, across)
     mean = w @ shape(x, np.zeros(len(x)), 0, across)
     out = np.zeros((wanted, len(mean)))
@@ -286,44 +297,42 @@ def _across(mesh: BodyMesh, ie: int, z: float, low: float, high: float) -> Array
 
 def _terms(mesh: BodyMesh) -> int:
     """Return the number of powers of the curves of a body."""
-    return 1 + max(mesh.plan.element.degree_x, mesh.plan.element.degree_y)
+    return 1 + max(_degree_along(mesh), mesh.plan.element.degree_y)
 
 
 def curves_of(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Curve]:
     """Return the curves of a body that may be touched: its faces and ends, or its axis; ``follows`` as in ``moves``."""
-    out, count, levels = [], len(mesh.dofs), levels_of(mesh, side)
-    terms = _terms(mesh)
+    out, count, levels, terms = [], len(mesh.dofs), levels_of(mesh, side), _terms(mesh)
 
-    def add(ie: int, rows: Array, kind: int, **constants: float) -> None:
+    def add(ie: int, rows: Array, kind: int, offset: Array, **constants: float) -> None:
         par = np.zeros(facing.CURVE_SIZE)
-        par[[geometry.SECTION, geometry.TERMS]] = kind, terms
+        par[[geometry.SECTION, geometry.TERMS, geometry.OFFSET, geometry.SLOPE, geometry.BULGE]] = kind, terms, *offset
         for name, value in constants.items():
             par[getattr(facing, name)] = value
         out.append(Curve(par, rows, rows @ mesh.e0[mesh.dofs[ie] - mesh.first_dof], mesh.dofs[ie]))
 
     for eta in levels:
         for ie in range(count):
-            height = eta_at(mesh, Spot(ie, 0.0, eta, 0.0))
-            rows, own, kind = curve_rows(mesh, ie, height)
+            rows, own, kind = curve_rows(mesh, ie, eta)
             start, span = float(mesh.starts[ie]), float(mesh.lengths[ie])
             before, after = (math.inf, math.inf) if mesh.plan.closed else (
                 start, mesh.plan.length - start - span if ie < count - 1 else 0.0)
-            add(ie, padded(rows, own, terms), kind, OFFSET=offset_of(mesh, height), BEFORE=before,
+            add(ie, padded(rows, own, terms), kind, offset_of(mesh, ie, eta), BEFORE=before,
                 AFTER=after, HALF=0.5 * span, SIGN=-1.0 if eta == levels[0] and side == "surface" else 1.0,
                 START=start, SPAN=span, SUPPORTED_PART=sum(
                     k for k, z in ((1, -1.0), (2, 1.0)) if follows and not moves(mesh, Spot(ie, z, eta, 0.0), follows)))
     if side == "surface" and not mesh.plan.closed:
         for ie, z in ((0, -1.0), (count - 1, 1.0)):
-            low, high = (eta_at(mesh, Spot(ie, z, eta, 0.0)) for eta in levels)
+            low, high = np.array(levels) * (height_along(mesh, ie) @ (1.0, z, 1.0))
             rests = follows and not any(moves(mesh, Spot(ie, z, eta, 0.0), follows) for eta in levels)
             place = {"SIGN": -z, "START": 0.0 if z < 0.0 else mesh.plan.length, "SUPPORTED_PART": 4.0 if rests else 0.0,
                      "HALF": 0.25 * (high - low) * mesh.plan.section.height}
             rows, own, kind = curve_rows(mesh, ie, 0.0)
             if kind == geometry.CURVE:
-                add(ie, _across(mesh, ie, z, low, high), kind, **place)
+                add(ie, _across(mesh, ie, z, low, high), kind, np.zeros(3), **place)
             else:
-                below, above = offset_of(mesh, low), offset_of(mesh, high)
-                add(ie, padded(rows, own, terms), kind, **place, END=z, END_MIDDLE=0.5 * (below + above),
+                below, above = 0.5 * low * mesh.plan.section.height, 0.5 * high * mesh.plan.section.height
+                add(ie, padded(rows, own, terms), kind, np.zeros(3), **place, END=z, END_MIDDLE=0.5 * (below + above),
                     END_HALF=0.5 * (above - below))
     return out
 

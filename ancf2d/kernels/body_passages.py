@@ -8,7 +8,7 @@ import numpy as np
 
 from ..elements import contact_gaps
 from ..elements.contact_gaps import BOTH_SIDES, DEEPEST, FOOT_KIND, SIDE, WITHIN
-from ..elements.contact_geometry import HOME, OFFSET, OPPOSITE, PLACE, PLACEMENT, WORK
+from ..elements.contact_geometry import HOME, OPPOSITE, PLACE, PLACEMENT, WORK
 from .chords import fill_curves
 from .compiled_laws import part
 from .facing import EVERY, face
@@ -32,7 +32,7 @@ def _positions(table, points, d, out):  # type: ignore[no-untyped-def]
         par, mem = points.par[i], points.mem[i]
         fields_of_first(points, i, table.own[k, 1], d, u)
         z = mem[PLACE] if mem[PLACEMENT] > 0.0 else par[HOME]
-        out[k, 0], out[k, 1], _, _, _, _ = _line_at(par, points.p0[points.field[i]:], u, z, par[OFFSET])
+        out[k, 0], out[k, 1], _, _, _, _ = _line_at(par, points.p0[points.field[i]:], u, z)
     for c in range(len(table.curve)):
         x, y, dx, dy, _ = table.chords[c]
         out[n + 2 * c, 0], out[n + 2 * c, 1] = x - dx, y - dy

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from ..elements import contact_gaps
+from ..elements import contact_gaps, contact_geometry
 from ..elements.contact_gaps import END, PAST_END
-from ..elements.contact_geometry import OF_TANGENT, OF_THETA, OFFSET, SECTION, TERMS
+from ..elements.contact_geometry import BULGE, OF_TANGENT, OF_THETA, SECTION, SLOPE, TERMS
 from .compiled_laws import part
 from .lowlevel.jit import inner
 
-_trace_at = part(contact_gaps.trace_at)
+_trace_at, _largest_offset = part(contact_gaps.trace_at), part(contact_geometry.largest_offset)
 
 
 @inner
@@ -53,17 +53,18 @@ def _fill_chord(par, fields, none, chord):  # type: ignore[no-untyped-def]
     chord[4] = 2.0 * (PAST_END - 1.0) * (abs(chord[2]) + abs(chord[3]))
     if par[END] != 0.0:
         return
-    terms, section, y = int(par[TERMS]), int(par[SECTION]), abs(par[OFFSET])
+    terms, section, y = int(par[TERMS]), int(par[SECTION]), _largest_offset(par)
+    slope, bulge = abs(par[SLOPE]) + 2.0 * abs(par[BULGE]), 2.0 * abs(par[BULGE])
     _, second, third = _sizes(fields, 0, terms, 2)
     off = 0.5 * second
     if section == OF_THETA:
         rate, change, _ = _sizes(fields, 2 * terms, terms, 1)
-        off += 0.5 * y * (change + rate * rate)
+        off += 0.5 * (y * (change + rate * rate) + bulge) + slope * rate
     elif section == OF_TANGENT and y != 0.0:
         # |X'| >= short; the normal turns at a rate of at most |X''|/|X'|
         short = math.sqrt(fields[1]**2 + fields[terms + 1]**2) - second
         rate = second / short if short > 0.0 else math.inf
-        off += 0.5 * y * (third / short + 3.0 * rate * rate) if short > 0.0 else math.inf
+        off += 0.5 * (y * (third / short + 3.0 * rate * rate) + bulge) + slope * rate if short > 0.0 else math.inf
     chord[4] += off
 
 

@@ -19,7 +19,6 @@ from ..elements.contact_geometry import (
     HALF_INTERVAL,
     HOME,
     MEMORY,
-    OFFSET,
     ON_BEAM,
     ON_ELEMENT,
     OPPOSITE,
@@ -86,7 +85,7 @@ def contact_gaps(points, d, amps, gaps, along, faces):  # type: ignore[no-untype
 @inner
 def place_seen(par, p0, u, z, work):  # type: ignore[no-untyped-def]
     """Return x and y of a place of a curve in the frame of its obstacle, without derivatives. Overwrites work."""
-    x, y, _, _, _, _ = _line_at(par, p0, u, z, par[OFFSET])
+    x, y, _, _, _, _ = _line_at(par, p0, u, z)
     if int(par[POSE]) == STILL:
         return x, y
     _, at = _sets_of(par)

@@ -47,7 +47,6 @@ from ..elements.contact_geometry import (
     FRICTION,
     HALF_INTERVAL,
     HOME,
-    OFFSET,
     OPEN,
     OPPOSITE,
     PLACE,
@@ -251,7 +250,7 @@ def _find_curve(table, points, k, u, z, within, best, room, none, waiting):  # t
     i = table.item[k]
     par, mem = points.par[i], points.mem[i]
     points.apart[i], mem[FOOT_KIND] = np.inf, NOWHERE
-    x, y, tx, ty, _, _ = _line_at(par, points.p0[points.field[i]:], u, z, par[OFFSET])
+    x, y, tx, ty, _, _ = _line_at(par, points.p0[points.field[i]:], u, z)
     if distance_from_box(table.boxes[table.tree[table.way[k]]], x, y) >= within * within:
         return
     for q in range(len(room)):

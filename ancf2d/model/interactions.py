@@ -127,7 +127,8 @@ def with_assembly(points: Points, T: csr_matrix, slots: Callable[[Index, Index],
     ``T`` : (n_full, n) with d = T z; ``slots(i, j)`` : places of entries (i, j), j <= i, in the matrix of the unknowns.
     """
     begin, unknown, rows, spans, slot = np.zeros((len(points.forces) + 1, 3), dtype=np.int64), [], [], [], []
-    following, rubs = 0, (points.restitution >= 0.0) & (points.par[:, FRICTION] > 0.0)
+    following, rubs = 0, points.restitution >= 0.0
+    rubs &= points.par[:, FRICTION] > 0.0 if rubs.any() else False
     for i in range(len(points.forces)):
         begin[i + 1] = begin[i]
         if i < following or (points.forces_of_run[i] == 0 and not rubs[i]):

@@ -5,16 +5,18 @@ from __future__ import annotations
 import helpers
 import numpy as np
 import pytest
-from test_contact_laws import SECTIONS, differences
+from test_contact_laws import OFFSETS, SECTIONS, differences
 
 from ancf2d.elements import contact_bodies as laws
 from ancf2d.elements import contact_gaps as gaps
 from ancf2d.elements import contact_geometry as geometry
 
+# sections of the body that has the point, and of the other one
+ONE, TWO = ("curve", "theta", "tapered tangent"), ("curve", "tapered theta", "tangent")
 # what the point is opposite to: the inside of an element, an end of it at a kink, the end of a body
 PLACES = {"within": gaps.WITHIN, "kink": gaps.AT_LAST, "end": gaps.WITHIN}
 # distance from the end of the other surface, and inclination, of points whose pressure fades
-FADING = {"beside an end": (0.2, 0.0), "aslant": (0.4, 1.2), "aslant beside an end": (0.2, 1.2)}
+FADING = {"beside an end": (0.2, 0.0), "aslant": (0.4, 1.205), "aslant beside an end": (0.2, 1.205)}
 KINDS = {"compliant": (laws.COMPLIANT_BODIES, 0.0), "damped": (laws.COMPLIANT_BODIES, 0.4),
          "hard": (laws.HARD_BODIES, 0.0)}
 ROUGH = {"layer": laws.COMPLIANT_BODIES, "hard": laws.ROUGH_BODIES}
@@ -28,25 +30,26 @@ class Point:
         (kind, terms), (other, others) = SECTIONS[one], SECTIONS[two]
         self.law, self.hard = law, law.constraint
         curve = np.zeros(gaps.BODY_SIZE)
-        curve[[geometry.SECTION, geometry.TERMS, geometry.OFFSET]] = other, others, 0.07
+        curve[[geometry.SECTION, geometry.TERMS]] = other, others
+        curve[[geometry.OFFSET, geometry.SLOPE, geometry.BULGE]] = 0.7 * np.array(OFFSETS[two])
         curve[[gaps.SIGN, gaps.SPAN, gaps.BEFORE, gaps.AFTER, gaps.HALF, gaps.FADE]] = 1.0, 1.0, 1.0, after, 0.5, 0.3
         curve[gaps.DEEPEST] = 0.5
         face = -1.0
         if place == "end" and two != "curve":
             curve[[gaps.END, gaps.END_MIDDLE, gaps.END_HALF, gaps.SIGN, gaps.CORNER]] = 1.0, 0.01, 0.08, -1.0, -1.0
-            face = 0.0
-        self.par = np.array([kind, terms, 0.1, 0.3, 0.7, 100.0, damping, 0.0, 1.0, 1e-12, geometry.STILL, 0.0, 0.0, 1.0,
-                             face, 0.0, 0.0, 0.0, *curve])
+            curve[[geometry.SLOPE, geometry.BULGE]] = face = 0.0
+        self.par = np.array([kind, terms, *OFFSETS[one], 0.3, 0.7, 100.0, damping, 0.0, 1.0, 1e-12, geometry.STILL, 0.0,
+                             0.0, 1.0, face, 0.0, 0.0, 0.0, *curve])
 
         def bent(section, count, angle=0.0):
-            fields = 0.02 * rng.standard_normal((3 if section == "theta" else 2, count))
+            fields = 0.02 * rng.standard_normal((3 if "theta" in section else 2, count))
             fields[0, :2] += [0.1, 0.5]
             c, s = np.cos(angle), np.sin(angle)
             fields[:2] = np.array([[c, -s], [s, c]]) @ fields[:2]
             fields[2:, 0] += angle
             return fields
 
-        self.sizes = [(3 if one == "theta" else 2) * terms, (3 if two == "theta" else 2) * others]
+        self.sizes = [(3 if "theta" in one else 2) * terms, (3 if "theta" in two else 2) * others]
         self.p0 = np.concatenate([bent(one, terms, angle).ravel(), bent(two, others).ravel(), [0.0] * self.hard])
         self.u, self.w = np.zeros(len(self.p0)), np.zeros(len(self.p0))
         self.mem = np.zeros(gaps.BODY_MEMORY)
@@ -81,9 +84,9 @@ class Point:
         return energy, f, H, C, power
 
 
-@pytest.mark.slow_rows("compliant-curve-curve-within", "compliant-tangent-tangent-end", "compliant-theta-theta-kink",
-                       "damped-curve-theta-end")
-@helpers.pairwise(kind=KINDS, one=SECTIONS, two=SECTIONS, place=PLACES)
+@pytest.mark.slow_rows("compliant-curve-curve-within", "compliant-tapered tangent-tangent-end",
+                       "compliant-theta-tapered theta-kink", "damped-curve-tapered theta-end")
+@helpers.pairwise(kind=KINDS, one=ONE, two=TWO, place=PLACES)
 def test_stiffness_and_damping_are_the_derivatives_of_the_forces(kind, one, two, place):
     law, damping = KINDS[kind]
     point = Point(law, one, two, place, damping)
@@ -104,7 +107,7 @@ def test_stiffness_and_damping_are_the_derivatives_of_the_forces(kind, one, two,
         np.testing.assert_allclose(H, H.T, atol=1e-12 * size)
 
 
-@helpers.pairwise(one=SECTIONS, two=SECTIONS, place=["within", "end"], fading=FADING, damping=[0.0, 0.4])
+@helpers.pairwise(one=ONE, two=TWO, place=["within", "end"], fading=FADING, damping=[0.0, 0.4])
 def test_pressure_that_fades_has_a_potential(one, two, place, fading, damping):
     """Its stiffness is that of its forces, but for terms of a higher order in the depth."""
     (away, angle), errors = FADING[fading], []
@@ -132,7 +135,7 @@ def test_pressure_that_fades_has_a_potential(one, two, place, fading, damping):
 CORNERS = [(0.1, 0.08), (0.1, 0.25), (0.1, 0.4), (0.4, 0.28), (0.4, 0.4), (1.0, 0.45)]
 
 
-@helpers.pairwise(one=SECTIONS, two=SECTIONS, place=["within", "end"], corner=CORNERS)
+@helpers.pairwise(one=ONE, two=TWO, place=["within", "end"], corner=CORNERS)
 def test_forces_in_corners_have_a_potential(one, two, place, corner):
     point = Point(laws.COMPLIANT_BODIES, one, two, place, 0.0, corner[1], corner[0] - 0.4, 0.9)
     f = point(point.u, point.w)[1]
@@ -177,10 +180,10 @@ def rubbing(one, two, place, slides, depth, law=laws.COMPLIANT_BODIES):
     return point
 
 
-@pytest.mark.slow_rows("curve-curve-within-False-layer", "curve-theta-end-True-hard",
-                       "tangent-curve-within-True-hard", "tangent-tangent-end-True-layer",
-                       "tangent-theta-within-False-layer", "theta-theta-within-False-layer")
-@helpers.pairwise(one=SECTIONS, two=SECTIONS, place=["within", "end"], slides=[False, True],
+@pytest.mark.slow_rows("curve-curve-within-False-layer", "curve-tapered theta-end-True-hard",
+                       "tapered tangent-curve-within-True-hard", "tapered tangent-tangent-end-True-layer",
+                       "tapered tangent-tapered theta-within-False-layer", "theta-tapered theta-within-False-layer")
+@helpers.pairwise(one=ONE, two=TWO, place=["within", "end"], slides=[False, True],
                   kind=ROUGH)
 def test_friction_has_its_derivatives_but_for_the_depth_and_takes_its_power(one, two, place, slides, kind):
     depth = 1e-3
@@ -207,14 +210,14 @@ def test_friction_has_its_derivatives_but_for_the_depth_and_takes_its_power(one,
 
 
 def _resultant(point, sections):
-    sets = 3 if sections[0] == "theta" else 2
+    sets = 3 if "theta" in sections[0] else 2
     return point(point.u, point.w)[1][:point.sizes[0]].reshape(sets, -1)[:2, 0]
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize("two", SECTIONS)
-@pytest.mark.parametrize("one", SECTIONS)
+@pytest.mark.parametrize("two", TWO)
+@pytest.mark.parametrize("one", ONE)
 def test_the_two_bodies_are_in_balance(one, two, place, friction):
     check_balance(rubbing(one, two, place, True, 0.03) if friction else Point(laws.COMPLIANT_BODIES, one, two, place),
                   (one, two))
@@ -225,7 +228,7 @@ def check_balance(point, sections):
     f, start = point(point.u, point.w)[1], 0
     total = np.zeros(3)
     for section, size in zip(sections, point.sizes, strict=True):
-        sets = 3 if section == "theta" else 2
+        sets = 3 if "theta" in section else 2
         own, fields = f[start:start + size].reshape(sets, -1), point.p0[start:start + size].reshape(sets, -1)
         total[:2] += own[:2, 0]
         # a turn by a unit of all that turns

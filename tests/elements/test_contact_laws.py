@@ -16,6 +16,9 @@ SHAPES = {"half plane": [geometry.HALF_PLANE, 0.0, 0.3, np.sin(0.2), np.cos(0.2)
           "circle": [geometry.CIRCLE, 0.1, -0.6, 1.0], "pipe": [geometry.CIRCLE, 0.0, 0.0, -0.3],
           "polyline": [geometry.POLYLINE, 3, -1.0, 0.25, 0.0, 0.0, 0.2, 0.4, 0.4, 1.0, 0.3, 1.2]}
 SECTIONS = {"curve": (geometry.CURVE, 4), "theta": (geometry.OF_THETA, 3), "tangent": (geometry.OF_TANGENT, 4)}
+SECTIONS |= {"tapered theta": SECTIONS["theta"], "tapered tangent": SECTIONS["tangent"]}
+# distance from the axis as a polynomial of z, 0.1 at the home of the point
+OFFSETS = {name: (0.0988, 0.01, -0.02) if "tapered" in name else (0.1, 0.0, 0.0) for name in SECTIONS}
 POSES = {"still": (geometry.STILL, 0), "angle": (geometry.BY_ANGLE, 3), "direction": (geometry.BY_DIRECTION, 4)}
 LENGTH = 1.3
 
@@ -28,9 +31,9 @@ class Point:
         kind, terms = SECTIONS[section]
         how, entries = POSES[pose]
         self.law = law
-        self.par = np.array([kind, terms, 0.1, 0.3, 0.7, 100.0, damping, friction, 50.0, 1e-12, how, 0.1, -0.05, LENGTH,
-                             0.0, bends, 0.0, *SHAPES[shape]])
-        curve = 0.02 * rng.standard_normal((3 if section == "theta" else 2, terms))
+        self.par = np.array([kind, terms, *OFFSETS[section], 0.3, 0.7, 100.0, damping, friction, 50.0, 1e-12, how, 0.1,
+                             -0.05, LENGTH, 0.0, bends, 0.0, *SHAPES[shape]])
+        curve = 0.02 * rng.standard_normal((3 if kind == geometry.OF_THETA else 2, terms))
         curve[0, :2] += [0.1, 0.5]
         curve[1, 0] += 0.12
         # free points stand where the gap is least: the curve bends towards the solid

@@ -200,11 +200,13 @@ def _touches(p, w, z, v):  # type: ignore[no-untyped-def]
 
 
 @inner_with_memory
-def _onto_positions(p, w, z, t):  # type: ignore[no-untyped-def]
-    """Project z onto the constraints by the least change in the metric of the mass; multipliers stay."""
+def onto_positions(p, w, z, most):  # type: ignore[no-untyped-def]
+    """Project z onto the constraints by the least change in the metric of the mass, in at most so many iterations;
+    multipliers stay.
+    """
     n = len(z)
     rhs = np.zeros(n)
-    for _ in range(5):
+    for _ in range(most):
         to_full(p, z, w.amps, 0, w.d)
         constraint_matrix(p, w)
         rhs[:] = 0.0
@@ -235,7 +237,7 @@ def onto_constraints(p, w, z, v, a, t, inside):  # type: ignore[no-untyped-def]
     if touches and not inside:
         return
     if inside:
-        _onto_positions(p, w, z, t)
+        onto_positions(p, w, z, 5)
     rhs, none = np.zeros(n), np.zeros(n)
     calls.forces(p.calls, (p, w, z, v))
     residual(p, w, v, a)

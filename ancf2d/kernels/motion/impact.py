@@ -30,7 +30,7 @@ from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel_with_memory, seldom
 from ..passages import tunnels
 from ..patches import face_bodies, rates_of_constraints
-from .consistent import consistent, gap_rates
+from .consistent import consistent, gap_rates, onto_positions
 from .contact_steps import (
     closed_in_step,
     fix_active_set,
@@ -279,13 +279,18 @@ def _obstacle_speeds(p, w, status, out):  # type: ignore[no-untyped-def]
 
 
 @inner_with_memory
-def _any_closed(p, s, status):  # type: ignore[no-untyped-def]
-    """Return whether an item closed in the step from s, and whether one of these bounces."""
+def _any_closed(p, w, s, end, status):  # type: ignore[no-untyped-def]
+    """Return whether an item closed in the step from s, and whether one of these bounces; if one closed, put the end
+    of the step onto the closed constraints.
+    """
     any_closes, bounces = False, False
     for i in range(len(status)):
         if closed_in_step(p, s, status, i):
             any_closes = True
             bounces |= p.points.restitution[i] > 0.0
+    if any_closes:
+        # a gap left by round-off, closed in a much shorter step, would be a velocity
+        onto_positions(p, w, end.z, 1)
     return any_closes, bounces
 
 
@@ -306,7 +311,7 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
     signals_at(p, t + h, w.amps)
     _find_active_set(p, w, end.z, end.v, status)
     s.numbers[OBSTACLE_WORK], s.numbers[IMPACT_ITEM], elastic_ones = 0.0, 0.0, False
-    any_closes, bounces = _any_closed(p, s, status)
+    any_closes, bounces = _any_closed(p, w, s, end, status)
     if not any_closes:
         if m.switches:
             calls.after_impact(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, status, False))

@@ -205,7 +205,7 @@ def _go_to(m, p, s, h, prediction):  # type: ignore[no-untyped-def]
 @inner
 def _next_prediction(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Return the prediction for the next step: z for some steps after a failure, else the one that was best here."""
-    if s.numbers[PREDICTION] < 0.0:
+    if s.numbers[PREDICTION] < 0.0 and not p.sided:
         return s.numbers[PREDICTION] + 1.0
     second = h * h * ((0.5 - m.beta) * m.starts + m.beta)
     for i in range(len(m.alg)):
@@ -302,9 +302,7 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
                 copy(s.extra[1], m.before[0])
                 copy(s.extra[2], m.before[2])
     signals_at(p, t + h, w.amps)
-    # contacts and controllers that switch at wrong places may alternate, so they need the longest prediction
-    switches = p.sided or p.least_iterations > 1
-    prediction = 2.0 - (s.numbers[STARTS_CONSISTENT] if p.sided else 0.0) if switches else s.numbers[PREDICTION]
+    prediction = min(s.numbers[PREDICTION], 2.0 - s.numbers[STARTS_CONSISTENT]) if p.sided else s.numbers[PREDICTION]
     _go_to(m, p, s, h, prediction)
     outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
     if outcome == NOT_CONVERGED and prediction > 0.0:

@@ -23,8 +23,11 @@ BETTER = 0.5
 def best_prediction(p, w, s, h, change, longest):  # type: ignore[no-untyped-def]
     """Return the prediction that would have been best for a step with the increments ``change`` (n,).
 
-    ``longest`` (n,) is prediction 2 of these.
+    ``longest`` (n,) is prediction 2 of these. Contacts and controllers that switch always need it: if they are wrong at
+    the first iterate, Newton's method may alternate.
     """
+    if p.sided or p.least_iterations > 1:
+        return 2.0
     best, found = np.inf, 2.0
     for k in range(2, -1, -1):
         for i in range(len(change)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..lowlevel.jit import inner
 from .dynamics import norm
 from .state import (
+    BACKWARD,
     DONE,
     FASTEST,
     GOOD_EULER,
@@ -35,6 +36,8 @@ SHORT = 1e-2
 MOST_STEPS = 1e4
 # round-off of positions, relative to the size of the motion
 ROUND = 1e-15
+# error of rates that is allowed in steps in which a contact opens, relative to that of others: damping removes it
+OPENING = 30.0
 # order of the local error of a backward Euler step
 EULER_ERROR = 2
 # growth of successive backward Euler steps within a fixed step
@@ -194,7 +197,8 @@ def error_scale(s, size, fastest, h):  # type: ignore[no-untyped-def]
     if s.numbers[RATE_ERRORS] == 0.0:
         return size
     # a body at rest that a stop sets in motion has no rate yet: use the mean rate of the motion
-    return min(size, max(s.numbers[FASTEST], fastest, size / max(s.numbers[TIME], h)) * h)
+    share = OPENING if s.numbers[BACKWARD] > 0.0 else 1.0
+    return min(size, share * max(s.numbers[FASTEST], fastest, size / max(s.numbers[TIME], h)) * h)
 
 
 @inner

@@ -26,7 +26,7 @@ from ..state import State, check_checkpoint
 from ..system import least_motion
 from ..threads import largest_share
 from .estimate import Estimate, step_ends
-from .initial import initial_motion
+from .initial import initial_motion, layers_warnings
 from .integrators import SCIPY_METHODS
 from .ode import OdeStepper
 from .problem import make_problem
@@ -231,7 +231,9 @@ class Run:
         return None if None in times else float(sum(x for x in times if x is not None))
 
     def _report_initial_loss(self, v: Array, first: State) -> None:
-        """Report with the first state how supports and joints changed the kinetic energy of the rates v (n_full,)."""
+        """Report with the first state how supports and joints changed the kinetic energy of the rates v (n_full,), and
+        whether layers start to press otherwise than before."""
+        first.warnings += layers_warnings(self.model, first.d)
         energies = self.balance.energies
         given, kinetic = energies.kinetic(v) + energies.carried(first.d, v, first.side)[0], first.history["kinetic"]
         if given == 0.0:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...case import Active, Case, Constant, Initial, LoadedCase, MovingPoint, Ramp, Static, amplitude_of
+from ...elements.contact_geometry import STIFFNESS, WEIGHT
 from ...elements.shape import Array
 from ...errors import CaseError, ComputationError, Problem, ResultsError
 from ...interactions.contact import ContactPoint
@@ -23,6 +24,8 @@ from ...model.transfer import renumbered
 
 # relative to the size of the scene: tolerance for equal reference geometry, and for states that supports hold
 SAME, HELD = 1e-9, 1e-6
+# share of its energy by which a layer may differ from the whole
+WHOLE = 1e-6
 
 
 def initial_motion(model: Model) -> tuple[Array, Array, Array]:
@@ -195,6 +198,34 @@ def _supports_and_joints(completed: str) -> list[str]:
     """Return the texts of the supports and joints of a completed case."""
     return [part for part in re.split(r"^(?=\S)", completed, flags=re.MULTILINE)
             if part.startswith(("boundary_conditions:", "joints:"))]
+
+
+def layers_warnings(model: Model, d: Array) -> list[str]:
+    """Return warnings if layers do not press as in the result file that a motion starts from, at its state d (n_full,).
+
+    The file has no memory of friction, and in statics layers press with their whole pressure up to ends of bodies.
+    """
+    from ...results import open_results
+
+    initial, out = model.case.initial, list[str]()
+    if initial is None or initial.from_ in ("rest", "static") or all(pair.hard for pair in model.contacts):
+        return out
+    with open_results(_path(model, initial.from_)) as results:
+        at_rest = not results.holds("v")
+    for one in model.contact_tables:
+        pair, better = one.pair, "initial: {from: static} starts in equilibrium"
+        energy, gap = np.zeros(0), np.zeros(0)
+        if not pair.hard:
+            energy, gap = one.nodal_forces(d, np.zeros_like(d), 0.0, False)[2], one.gaps(d, 0.0)[0]
+        if pair.item.friction > 0.0 and energy.any():
+            out.append(f"{pair.name}: friction starts from zero, because '{initial.from_}' does not contain the places "
+                       f"to which it holds points. {better}")
+        if pair.on_bodies and at_rest and (gap < 0.0).any():
+            whole = 0.5 * pair.par[:, WEIGHT] * pair.par[:, STIFFNESS] * np.minimum(gap, 0.0)**2
+            if (energy < (1.0 - WHOLE) * whole).any():
+                out.append(f"{pair.name}: in motion, layers press less near ends of bodies than in the equilibrium in "
+                           f"'{initial.from_}'. {better}")
+    return list(dict.fromkeys(out))
 
 
 def _check_mesh(model: Model, results: Any, path: str, fail: Callable[..., CaseError]) -> None:
