@@ -305,7 +305,7 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     prediction = min(s.numbers[PREDICTION], 2.0 - s.numbers[STARTS_CONSISTENT]) if p.sided else s.numbers[PREDICTION]
     _go_to(m, p, s, h, prediction)
     outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
-    if outcome == NOT_CONVERGED and prediction > 0.0:
+    if outcome == NOT_CONVERGED and prediction > 0.0 and (p.sided or p.least_iterations == 1):
         # a fibre may have been predicted to yield, or a sticking point to slide, so that the iteration alternates
         if p.sided:
             unfix_active_set(p)

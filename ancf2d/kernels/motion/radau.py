@@ -320,7 +320,7 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
             break
         s.numbers[TANGENT_STEP] = 0.0
         if not kept:
-            if s.numbers[OLD_STEP] > 0.0 or s.numbers[PREDICTION] == 0.0:
+            if s.numbers[OLD_STEP] > 0.0 or s.numbers[PREDICTION] == 0.0 or p.least_iterations > 1:
                 return outcome, iterations, 0.0, rate
             # accelerations after a restart may be those of stiff vibrations
             s.numbers[PREDICTION] = 0.0
