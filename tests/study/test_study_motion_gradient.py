@@ -291,7 +291,7 @@ def test_a_spring_that_begins():
 
 
 @pytest.mark.slow_rows("mid.M--150.0")
-@pytest.mark.parametrize(("name", "force"), [("tip.uy", -90.0), ("mid.M", -150.0)])
+@pytest.mark.parametrize(("name", "force"), [("tip.uy", -150.0), ("mid.M", -150.0)])
 def test_steps_are_shortened_where_a_run_shortens_them(name, force):
     """Newton's method does not converge in steps that it makes when it is to come closer, by either way."""
     probe, quantity = name.split(".")
@@ -301,7 +301,7 @@ def test_steps_are_shortened_where_a_run_shortens_them(name, force):
                             "element": {"type": "reissner3", "count": 3}}},
         "boundary_conditions": [{"type": "clamp", "at": "beam@0"}],
         "loads": [{"name": "tip", "type": "force", "at": "beam@1", "value": [0, force]}],
-        "solver": {"type": "dynamic", "method": "generalized_alpha", "t_end": 0.2, "dt": 0.01, "estimate": False},
+        "solver": {"type": "dynamic", "method": "generalized_alpha", "t_end": 0.2, "dt": 0.02, "estimate": False},
         "goal": {"probe": probe, "quantity": quantity}, "output": {"probes": {"tip": "beam@1", "mid": "beam@0.5"}}})
     path, h = "loads.tip.value.1", 1e-4 * force
     low, run, high = (ancf2d.solve(loaded, [f"{path}={force + by!r}"], states=False) for by in (-h, 0.0, h))

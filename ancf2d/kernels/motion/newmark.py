@@ -28,6 +28,7 @@ from .state import (
     DONE,
     FRICTION_LOSS,
     INTO_SUPPORTS,
+    NEXT_PREDICTION,
     NOT_CONVERGED,
     NOT_FINITE,
     PREDICTION,
@@ -203,10 +204,10 @@ def _go_to(m, p, s, h, prediction):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _next_prediction(m, p, w, s, h):  # type: ignore[no-untyped-def]
+def _next_prediction(m, p, w, s, h, failed):  # type: ignore[no-untyped-def]
     """Return the prediction for the next step: z for some steps after a failure, else the one that was best here."""
-    if s.numbers[PREDICTION] < 0.0 and not p.sided:
-        return s.numbers[PREDICTION] + 1.0
+    if not p.sided and (failed or s.numbers[PREDICTION] < 0.0):
+        return -WAIT if failed else s.numbers[PREDICTION] + 1.0
     second = h * h * ((0.5 - m.beta) * m.starts + m.beta)
     for i in range(len(m.alg)):
         w.x[i], w.y[i] = m.end.z[i] - s.z[i], h * s.v[i] + second * s.extra[0, i]
@@ -305,11 +306,11 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     prediction = min(s.numbers[PREDICTION], 2.0 - s.numbers[STARTS_CONSISTENT]) if p.sided else s.numbers[PREDICTION]
     _go_to(m, p, s, h, prediction)
     outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
-    if outcome == NOT_CONVERGED and prediction > 0.0 and (p.sided or p.least_iterations == 1):
+    failed = outcome == NOT_CONVERGED and prediction > 0.0 and (p.sided or p.least_iterations == 1)
+    if failed:
         # a fibre may have been predicted to yield, or a sticking point to slide, so that the iteration alternates
         if p.sided:
             unfix_active_set(p)
-        s.numbers[PREDICTION] = -WAIT
         _go_to(m, p, s, h, 0.0)
         outcome, more, rate = _iterate(m, p, w, s, h, ca)
         iterations += more
@@ -323,7 +324,7 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
             calls.friction_forces(p.calls, (p, w, end.z, end.v, t + h, m.after))
             error = max(error, reversal_error(p, m, h))
         s.numbers[FRICTION_LOSS] = h * lost_to_friction(m, p, end.z)
-    s.numbers[PREDICTION] = _next_prediction(m, p, w, s, h)
+    s.numbers[NEXT_PREDICTION] = _next_prediction(m, p, w, s, h, failed)
     dense = end.dense
     for i in range(len(m.alg)):
         dense[0, i], dense[1, i], dense[2, i] = h * s.v[i], end.z[i] - s.z[i], h * end.v[i]
@@ -336,7 +337,7 @@ def newmark_accept(s, m):  # type: ignore[no-untyped-def]
     copy(m.alg, s.extra[0])
     copy(m.after[0], s.extra[1])
     copy(m.after[2], s.extra[2])
-    s.numbers[STARTS_CONSISTENT] = 0.0
+    s.numbers[STARTS_CONSISTENT], s.numbers[PREDICTION] = 0.0, s.numbers[NEXT_PREDICTION]
 
 
 @addressed

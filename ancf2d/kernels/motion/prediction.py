@@ -2,7 +2,7 @@
 
 0: z, the start of the step; 1: z + h v; 2: the method's own, which extrapolates more. Where steps do not resolve stiff
 vibrations, extrapolation amplifies these, so that fibres are predicted to yield or elements to be inverted. The number
-PREDICTION of a motion is the one for its next step: the longest, unless a shorter one was better in the last step.
+PREDICTION of a motion is the one for a step: the longest, unless a shorter one was better in the step before.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from ..lowlevel.jit import inner
 from ..lowlevel.records import array_at
 from .dynamics import norm
 from .stages import TILE, combine
-from .state import OLD_STEP, PREDICTION
+from .state import OLD_STEP
 
 # a shorter prediction is better than a longer one if its error is below this fraction of that one's
 BETTER = 0.5
@@ -60,17 +60,17 @@ def _extrapolate(c, x, out):  # type: ignore[no-untyped-def]
 
 
 @inner
-def predict_stages(m, p, s, h):  # type: ignore[no-untyped-def]
+def predict_stages(m, p, s, h, prediction):  # type: ignore[no-untyped-def]
     """Fill m.X with a prediction of Radau's stages; the longest one extrapolates the last step's polynomials.
 
     After a restart, that is the series in h up to h^2. Without extrapolation, multipliers keep their values.
     """
     stages, n = m.X.shape
-    old, order = s.numbers[OLD_STEP], max(s.numbers[PREDICTION], 0.0)
-    if old <= 0.0 or order < 2.0:
+    old = s.numbers[OLD_STEP]
+    if old <= 0.0 or prediction < 2.0:
         for i in range(stages):
             ch = m.c[i] * h
-            first, second = ch * min(order, 1.0), 0.5 * ch * ch * max(order - 1.0, 0.0)
+            first, second = ch * min(prediction, 1.0), 0.5 * ch * ch * max(prediction - 1.0, 0.0)
             for k in range(n):
                 m.X[i, k] = first * s.v[k] + second * s.a[k] if p.coordinate[k] != 0.0 else s.z[k]
         return

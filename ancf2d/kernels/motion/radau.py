@@ -28,6 +28,7 @@ from .state import (
     CONTRACTION,
     DONE,
     LOST,
+    NEXT_PREDICTION,
     NOT_CONVERGED,
     NOT_FINITE,
     OLD_STEP,
@@ -301,11 +302,11 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
     for i in range(len(m.c)):
         signals_at(p, t + m.c[i] * h, m.amps[i])
-    relaxes = len(m.relaxing.runs) > 0
+    relaxes, prediction = len(m.relaxing.runs) > 0, s.numbers[PREDICTION]
     if relaxes:
         calls.begin_stages(m.relaxing.calls, (m, h))
     while True:
-        predict_stages(m, p, s, h)
+        predict_stages(m, p, s, h, prediction)
         _rates(m, s, h, False)
         let_relax(m, p, w, s)
         if not tangent(m, p, w, s, t, h):
@@ -320,14 +321,14 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
             break
         s.numbers[TANGENT_STEP] = 0.0
         if not kept:
-            if s.numbers[OLD_STEP] > 0.0 or s.numbers[PREDICTION] == 0.0 or p.least_iterations > 1:
+            if s.numbers[OLD_STEP] > 0.0 or prediction == 0.0 or p.least_iterations > 1:
                 return outcome, iterations, 0.0, rate
             # accelerations after a restart may be those of stiff vibrations
-            s.numbers[PREDICTION] = 0.0
+            prediction = 0.0
     m.held[2] = iterations
     m.held[3] = calls.lost_in_relaxing(m.relaxing.calls, (p, w, s, m)) if relaxes else 0.0
     error = _error(m, p, w, s, h, kept)
-    s.numbers[PREDICTION] = best_prediction_of_stages(m, p, w, s, h)
+    s.numbers[NEXT_PREDICTION] = best_prediction_of_stages(m, p, w, s, h)
     _finish(m, p, s, h)
     return DONE, iterations, error, max(rate, 1e-3)
 
@@ -335,6 +336,7 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
 @addressed
 def radau_accept(s, m):  # type: ignore[no-untyped-def]
     """Store the stages of an accepted step for the next prediction, and count the cost of the tangent."""
+    s.numbers[PREDICTION] = s.numbers[NEXT_PREDICTION]
     s.numbers[LOST] += m.held[3]
     copy_rows(m.X, array_at(s.extra, 0, m.X.shape))
     count(s, m.held[2])

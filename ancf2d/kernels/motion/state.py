@@ -33,9 +33,9 @@ ENGAGED_STEP, RATE_ERRORS, FASTEST = range(28, 31)
 # impact at the end of a step: 1 + the item with the largest impulse (0: no impact); number of impulses; their sum
 # [N s]; energy lost
 IMPACT_ITEM, IMPACT_POINTS, IMPULSE, IMPACT_LOSS = range(31, 35)
-# how Newton's method starts in the next step (``prediction``); negative: the number of steps that start at z
-PREDICTION = 35
-NUMBERS = 36
+# how Newton's method starts in this step and the next (``prediction``); negative: for how many steps it starts at z
+PREDICTION, NEXT_PREDICTION = 35, 36
+NUMBERS = 37
 
 _angle_near = inner(angle_near)
 # number of Newton increments kept for messages

@@ -162,6 +162,7 @@ class Run:
             if self.estimate is not None:
                 self.estimate.start(d, v, turned)
             first = self.state(self.stepper.last())
+            first.warnings += layers_warnings(self.model, first.d)
             self._report_initial_loss(v, first)
             yield first
         else:
@@ -231,9 +232,7 @@ class Run:
         return None if None in times else float(sum(x for x in times if x is not None))
 
     def _report_initial_loss(self, v: Array, first: State) -> None:
-        """Report with the first state how supports and joints changed the kinetic energy of the rates v (n_full,), and
-        whether layers start to press otherwise than before."""
-        first.warnings += layers_warnings(self.model, first.d)
+        """Report with the first state how supports and joints changed the kinetic energy of the rates v (n_full,)."""
         energies = self.balance.energies
         given, kinetic = energies.kinetic(v) + energies.carried(first.d, v, first.side)[0], first.history["kinetic"]
         if given == 0.0:
