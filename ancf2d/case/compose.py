@@ -41,8 +41,12 @@ _HINTS = (
 )
 
 
-def read_text(path: str | os.PathLike[str]) -> str:
-    """Return the text of a file, or of stdin: UTF-8, at most 16 MB. Raises CaseError."""
+def read_text(path: str | os.PathLike[str],
+              expected: str = "a case; 'ancf2d info' shows what a result file contains") -> str:
+    """Return the text of a file, or of stdin: UTF-8, at most 16 MB. Raises CaseError.
+
+    ``expected``: what is expected in place of a result file.
+    """
     name = os.fspath(path)
     try:
         if name == STDIN:
@@ -56,8 +60,8 @@ def read_text(path: str | os.PathLike[str]) -> str:
     if len(data) > MAX_BYTES:
         raise CaseError(Problem(f"the file is larger than {MAX_BYTES // 2**20} MB", file=name))
     if data.startswith(_HDF5):
-        raise CaseError(Problem("this is an HDF5 file, such as a result file, and no YAML text", file=name,
-                                expected="a case; 'ancf2d info' shows what a result file contains"))
+        raise CaseError(Problem("this is an HDF5 file, such as a result file, and no text", file=name,
+                                expected=expected))
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -91,7 +91,7 @@ def read_definition(path: str | os.PathLike[str], vocabulary: Vocabulary | None 
     Raises CaseError with all problems of the file.
     """
     name = os.fspath(path)
-    text = read_text(name)
+    text = read_text(name, "a file that defines an element type")
     problems: list[Problem] = []
     root = compose(text, Origin(name, line_breaks(text)), problems=problems)
     if not isinstance(root, MapNode):

@@ -89,7 +89,8 @@ class Data:
 
 def read_data(path: str) -> Data:
     """Return the columns of a CSV file as written by ``export``; empty cells mean not measured. Raises CaseError."""
-    rows = [row for row in csv.reader(io.StringIO(read_text(path))) if any(cell.strip() for cell in row)]
+    text = read_text(path, "a CSV file; 'ancf2d export' writes the probes of a result file as one")
+    rows = [row for row in csv.reader(io.StringIO(text)) if any(cell.strip() for cell in row)]
     if len(rows) < 2:
         raise CaseError(Problem("the file has no data", file=path, expected="a line of names, then lines of numbers"))
     names, problems = [name.strip() for name in rows[0]], list[Problem]()

@@ -273,6 +273,9 @@ def test_a_file_of_something_else_is_told_once(tmp_path: Path) -> None:
     (tmp_path / "case.yaml").write_text("# a case\nbodies: {a: 1, b: 2}\n" * 20, encoding="utf-8")
     with pytest.raises(CaseError, match="the first column is '# a case'; expected t, factor or hz"):
         read_data(str(tmp_path / "case.yaml"))
+    (tmp_path / "beam.h5").write_bytes(b"\x89HDF\r\n\x1a\n\x00")
+    with pytest.raises(CaseError, match=r"an HDF5 file, such as a result file.*expected a CSV file; 'ancf2d export'"):
+        read_data(str(tmp_path / "beam.h5"))
     (tmp_path / "data.csv").write_text("t;tip.uy\n0;0,1\n", encoding="utf-8")
     with pytest.raises(CaseError, match=r"'t;tip.uy'; expected t, factor or hz, in columns separated by commas"):
         read_data(str(tmp_path / "data.csv"))
