@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -110,14 +111,14 @@ def test_a_load_of_ones_own_in_statics_modes_and_motion() -> None:
     assert moved.probes["end"]["ux"] == pytest.approx(exact, abs=1e-6)
 
 
-@pytest.mark.usefixtures("registries")
-def test_a_load_of_ones_own_may_have_a_key_of_tendons() -> None:
-    @extend.load(lambda x, y, par: (-par[0] * x, 0.0, -par[0], 0.0, 0.0, 0.0), potential=True)
+def add_point_load(kind: str, law: Callable[..., tuple[float, ...]], potential: bool) -> None:
+    """Register loads on a point with one constant, ``stiffness``."""
+    @extend.load(law, potential=potential)
     @extend.record
-    class Well:
-        """A force -k x on a point."""
+    class PointLoad:
+        """A force on a point."""
 
-        tag = "well"
+        tag = kind
         at: object = extend.key(extend.POINT, "Point")
         stiffness: float = extend.key(extend.Number("N/m"), "k")
         amplitude: object = extend.key(extend.AMPLITUDE, extend.AMPLITUDE_DOC, default=None)
@@ -125,6 +126,11 @@ def test_a_load_of_ones_own_may_have_a_key_of_tendons() -> None:
 
         def constants(self):
             return [self.stiffness]
+
+
+@pytest.mark.usefixtures("registries")
+def test_a_load_of_ones_own_may_have_a_key_of_tendons() -> None:
+    add_point_load("well", lambda x, y, par: (-par[0] * x, 0.0, -par[0], 0.0, 0.0, 0.0), potential=True)
     loads = [{"type": "well", "at": "rod@0", "stiffness": 100.0, "amplitude": {"type": "constant"}},
              {"type": "force", "at": "rod@0", "value": [3.0, 0]}]
     spring = [{"type": "translational", "between": [[-1, 0], "rod@0"], "stiffness": 200.0}]
@@ -291,24 +297,12 @@ def test_derivatives_of_a_load_of_ones_own_are_checked_except_at_kinks(kind) -> 
         k = par[0] if over > 0.0 else 0.0
         return -par[0] * over * y, 0.0, -k * y, -par[0] * over * (2.0 if kind == "wrong" else 1.0), 0.0, 0.0
 
-    @extend.load(wall, potential=False)
-    @extend.record
-    class Wall:
-        """A wall."""
-
-        tag = "wall"
-        at: object = extend.key(extend.POINT, "Point")
-        stiffness: float = extend.key(extend.Number("N/m^2"), "k")
-        amplitude: object = extend.key(extend.AMPLITUDE, extend.AMPLITUDE_DOC, default=None)
-        name: str | None = extend.key(extend.NAME, "Name", default=None)
-
-        def constants(self):
-            return [self.stiffness]
+    add_point_load("wall", wall, potential=False)
     scene = {"springs": [spring_of(K)], "loads": [{"type": "wall", "at": "rod@0", "stiffness": 1.0}]}
     if kind == "kinked":
         assert rod({"type": "static"}, **scene).status == "converged"
         return
-    with pytest.raises(PluginError, match=r"the force of Wall returns dfx/dy = -.*, but fx changes there by"):
+    with pytest.raises(PluginError, match=r"the force of PointLoad returns dfx/dy = -.*, but fx changes there by"):
         rod({"type": "static"}, **scene)
 
 

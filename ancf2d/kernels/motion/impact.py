@@ -279,9 +279,10 @@ def _obstacle_speeds(p, w, status, out):  # type: ignore[no-untyped-def]
 
 
 @inner_with_memory
-def _any_closed(p, w, s, end, status):  # type: ignore[no-untyped-def]
-    """Return whether an item closed in the step from s, and whether one of these bounces; if one closed, put the end
-    of the step onto the closed constraints.
+def _onto_closed(p, w, s, end, status):  # type: ignore[no-untyped-def]
+    """Put the positions at the end of the step onto its closed constraints if an item closed in the step from s.
+
+    Returns whether one did, and whether one of these bounces.
     """
     any_closes, bounces = False, False
     for i in range(len(status)):
@@ -299,7 +300,7 @@ def _any_closed(p, w, s, end, status):  # type: ignore[no-untyped-def]
 def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
     """Apply the impacts of constraints that closed in the step from s at t to m.end; set OBSTACLE_WORK.
 
-    Returns HIT after an impact, 0 if nothing closed, or, without any change, the smaller step size to use if closing
+    Returns HIT after an impact, 0 if nothing closed, or, with rates unchanged, the smaller step size to use if closing
     points would be off by more than ``allowed`` [m] (0: no limit). For methods that switch, Radau steps are left alone,
     and after a backward Euler step without impact rates are made consistent with closed points, returning RESTART.
     """
@@ -311,7 +312,7 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
     signals_at(p, t + h, w.amps)
     _find_active_set(p, w, end.z, end.v, status)
     s.numbers[OBSTACLE_WORK], s.numbers[IMPACT_ITEM], elastic_ones = 0.0, 0.0, False
-    any_closes, bounces = _any_closed(p, w, s, end, status)
+    any_closes, bounces = _onto_closed(p, w, s, end, status)
     if not any_closes:
         if m.switches:
             calls.after_impact(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, status, False))

@@ -303,7 +303,7 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
                 copy(s.extra[1], m.before[0])
                 copy(s.extra[2], m.before[2])
     signals_at(p, t + h, w.amps)
-    prediction = min(s.numbers[PREDICTION], 2.0 - s.numbers[STARTS_CONSISTENT]) if p.sided else s.numbers[PREDICTION]
+    prediction = 2.0 - s.numbers[STARTS_CONSISTENT] if p.sided else s.numbers[PREDICTION]
     _go_to(m, p, s, h, prediction)
     outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
     failed = outcome == NOT_CONVERGED and prediction > 0.0 and (p.sided or p.least_iterations == 1)

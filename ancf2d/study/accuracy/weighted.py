@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from ...case import Goal, LoadedCase, refined
-from ...case.binder import KINEMATIC
 from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
 from ...model.build import build_model
 from ...model.mesh import Index
 from ...model.model import Model
 from ...model.transfer import transferred
+from ...quantities import KINEMATIC
 from ...solvers.post import Observer
 from ..goal import Solved, goal_kind
 from ..measures import GoalValues
