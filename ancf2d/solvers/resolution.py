@@ -155,6 +155,9 @@ class _Body:
 
     def added(self, state: State, motion: Array, Q: Array, a: Array | None) -> Array:
         """Return the section forces (m, k, 3) that a small motion (n_full,) adds, with its forces Q and rates a."""
+        if not state.d.any() and not state.Q.any():
+            # about a reference without forces, the linear theory is exact
+            return self.forces(replace(state, d=motion, Q=Q, linear=True, a=a), self.some)
         size = float(np.abs(self.model.weights * motion[:self.model.n_q]).max()) / self.model.extent
         h = SMALL / size if size > 0.0 else 1.0
         ends = [self.forces(replace(state, d=state.d + s * motion, Q=state.Q + s * Q, linear=False, about=state.d,
@@ -353,6 +356,8 @@ class _Shapes:
         base = replace(state, v=None, a=None)
         self.states = [base] if u is None else [
             base, *(replace(base, t=base.t + s, side=base.t + s, d=base.d + s * u) for s in (h, -h))]
+        # N (m, k) of each body in these states
+        self.tensions = {name: [body.tension(s) for s in self.states] for name, body in self.bodies.items()}
 
     def lost(self, shape: Array, squared: float | None, factor: float = 0.0) -> tuple[float, dict[str, float]]:
         """Return the share by which the mesh overestimates omega^2 or the load factor, and each body's part of it.
@@ -367,7 +372,7 @@ class _Shapes:
         for name, body in self.bodies.items():
             added = self._followed([body.added(s, motion, Q, a) for s, Q in zip(self.states, forces, strict=True)],
                                    factor)
-            N = self._followed([body.tension(s) for s in self.states], factor)
+            N = self._followed(self.tensions[name], factor)
             found[name] = body.motion(base, shape, added, N)
         stored, gap = (sum(pair[k] for pair in found.values()) for k in (0, 1))
         whole = 0.5 * float(motion @ forces[0])

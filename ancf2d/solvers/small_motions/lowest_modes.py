@@ -130,8 +130,8 @@ def ritz(V: Array, HV: Array, GV: Array, m: int) -> tuple[Array, Array]:
 
 # to the motion whose eigenvalue is next to a shift; its neighbours are at least a third farther away
 INVERSE_ITERATIONS = 20
-# up to this number of unknowns, every mode is computed at once
-DENSE = 400
+# up to this number of unknowns, or this multiple of the number of modes, it is faster to compute every mode at once
+DENSE, MOST_OF_ALL = 100, 4
 # additional modes, among which a gap for the count is sought
 EXTRA = 5
 # shifts stay this far above the round-off of K: in units of the largest K_ii/M_ii, and of round-off in soft motions
@@ -370,7 +370,7 @@ def _complete(pencil: Pencil, m: int, shift: float, values: Array, V: Array, res
 def lowest(pencil: Pencil, m: int) -> Modes:
     """Return the m lowest modes of a pencil (fewer if there are no more)."""
     shift = find_shift(pencil)
-    if pencil.n <= max(DENSE, 2 * (m + EXTRA)):
+    if pencil.n <= max(DENSE, MOST_OF_ALL * (m + EXTRA)):
         values, V = _all_modes(pencil, shift)
         values, V, rest = _refine(pencil, values[:m + EXTRA], V[:m + EXTRA], shift)
         counted: bool | None = True
