@@ -37,6 +37,8 @@ MOST_STEPS = 5000
 MOST_ITERATIONS = 12
 # the next step grows after few iterations and shrinks after many; failed steps are repeated with a shorter length
 EASY, GROW, SHRINK = 4, 3.0, 0.3
+# largest number of steps between two tries of Newton's method; it doubles with each try that fails
+LONGEST_WAIT = 32
 # share of the first step below which a failing step is given up
 SHORTEST = 1e-15
 # beyond this many times the extent from the start, the model falls for ever
@@ -153,24 +155,26 @@ class _Relaxation:
                 self._make_step(factor)
             self.checked = True
             self.turns = self.system.turns()
+        wait = left = 0
         while self.steps < MOST_STEPS and self.system.distance(self.d, self.start) < FARTHEST_FALL * self.extent:
-            moved = self._make_step(self.t)
+            moved, left = self._make_step(self.t), left - 1
             # if a step of any length hardly moves the model, it cannot get away from the last equilibrium
-            unstable = self.last_unstable
+            unstable, rests = self.last_unstable, moved <= STEP_ERROR * self.extent
             near_unstable = unstable is not None and (
                 self.system.distance(self.d, unstable) <= RETRY_DISTANCE * self.extent)
-            if moved > SHORT_STEP * self.extent or (moved > STEP_ERROR * self.extent and near_unstable):
+            if moved > SHORT_STEP * self.extent or (not rests and (near_unstable or left > 0)):
                 continue
-            result = self._newton(moved <= STEP_ERROR * self.extent)
+            result = self._newton(rests)
             if result is None and moved <= STILL * self.extent:
                 result = self._as_result(moved)
             if result is None:
+                left = wait = min(2 * wait + 1, LONGEST_WAIT)
                 continue
             if not self.system.knows_inertia or result.negative_pivots <= 0:
                 return result
             if self.system.distance(result.d, self.start) <= SHORT_STEP * self.extent:
                 self.pushed = result.negative_pivots
-            self.last_unstable = result.d
+            self.last_unstable, wait = result.d, 0
             self._push()
         touch = "contacts with a law, or a motion with damping (type: dynamic); " if self.hard else ""
         raise ComputationError("the model does not come to rest under its weight", at={"steps": self.steps},
