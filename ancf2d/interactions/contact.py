@@ -83,6 +83,15 @@ class Contact:
 register("contacts", Contact)
 
 
+def movable_by_element(spots: Sequence[Spot]) -> dict[tuple[int, float], list[int]]:
+    """Return the numbers of the spots that may move, by element and ``eta``."""
+    out: dict[tuple[int, float], list[int]] = {}
+    for k, p in enumerate(spots):
+        if p.free:
+            out.setdefault((p.ie, p.eta), []).append(k)
+    return out
+
+
 class ContactPair:
     """Contact of a body with an obstacle: its spots as point laws, all with the same number of coordinates.
 

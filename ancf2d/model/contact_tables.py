@@ -31,7 +31,7 @@ from ..elements.contact_layer import slip
 from ..elements.contact_sliding import at_corner
 from ..elements.shape import Array
 from ..interactions.body_contact import BodyPair, facing_table
-from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
+from ..interactions.contact import CompliantContact, ContactPair, ContactPoint, movable_by_element
 from ..interactions.contact_curves import BeamCurves
 from ..kernels.curves import point_accept
 from ..kernels.lowlevel.records import Record
@@ -56,7 +56,7 @@ class ContactTable:
         self.points = [c for c in constraints if isinstance(c, ContactPoint) and c.pair is pair]
         self.patches: list[Any] = self.points or [CompliantContact(pair)]
         self.table = Record(point_table(self.patches, self.signals))
-        self.size = pair.size
+        self.size, self.movable = pair.size, movable_by_element(pair.spots)
         self.curves = BeamCurves(self.patches)
         self.fixed, self.supported = (np.zeros((len(self.points), *n), dtype=bool) for n in ((), (2,)))
         # gaps of fixed points where a motion starts, if negative

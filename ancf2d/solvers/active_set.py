@@ -235,8 +235,7 @@ def _slips(one: ContactTable, d: Array, t: float, accepted: tuple[Array, float],
 def _movable_on_element(one: ContactTable, k: int) -> list[int]:
     """Return the movable points of the same element and curve as point k, that one first."""
     here = one.pair.spots[k]
-    return sorted((j for j, p in enumerate(one.pair.spots) if p.free and (p.ie, p.eta) == (here.ie, here.eta)),
-                  key=lambda j: j != k)
+    return sorted(one.movable[here.ie, here.eta], key=lambda j: j != k)
 
 
 def _in_use(one: ContactTable, k: int, place: float, feature: float) -> bool:

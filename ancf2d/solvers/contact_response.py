@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -9,10 +10,12 @@ import numpy as np
 from ..elements.contact_geometry import AUGMENTATION, ON_ELEMENT
 from ..elements.contact_sliding import compliance
 from ..elements.shape import Array
-from .complementarity import DEPENDENT, lemke
+from .complementarity import DEPENDENT, lemke, lemke_from
 from .friction import sticking
 
 if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
     from ..interactions.contact import ContactPoint
     from ..model.contact_tables import ContactTable
     from .system import System
@@ -21,6 +24,16 @@ if TYPE_CHECKING:
 PULL = 1e-9
 # compliance, relative to that of an element, below which other points already hold a point
 HELD_ALREADY = 1e-10
+
+
+def sparse_rows(columns: Sequence[Any], values: Sequence[Array], n: int) -> csr_array:
+    """Return a matrix (m, n) with ``values`` (k,) of each row in its ``columns`` (k,); values in equal places add up.
+    """
+    from scipy.sparse import csr_array
+
+    start = np.cumsum([0, *map(len, values)])
+    return csr_array((np.concatenate([np.zeros(0), *values]),
+                      np.concatenate([np.zeros(0, dtype=np.int64), *columns]), start), shape=(len(values), n))
 
 
 class Candidate(NamedTuple):
@@ -71,9 +84,8 @@ class Response:
         self.unstable = system.knows_inertia and pivots.negative > self.num.n_multipliers
         self.newton_step: Array = -self.solve(balance.R.copy())
         self.closed = np.array([s.closed for s in candidates])
-        self.gradients = np.zeros((len(candidates), len(self.num.place)))
-        for gradient, s in zip(self.gradients, candidates, strict=True):
-            np.add.at(gradient, s.dofs, s.gradient)
+        self.gradients = sparse_rows([s.dofs for s in candidates], [s.gradient for s in candidates],
+                                     len(self.num.place))
         self.multiplier_rows = self.num.place[[s.point.multiplier for s in candidates]]
         self.force = np.array([-d[s.point.multiplier] if s.closed else 0.0 for s in candidates])
         self.compliance = [s.compliance for s in candidates]
@@ -95,14 +107,15 @@ class Response:
         if self.closed[k]:
             rhs[self.multiplier_rows[k]] = 1.0
         else:
-            rhs = self._reduced(self.gradients[k])
+            rhs = self._reduced(self.gradients, k)
         self.steps[k] = self.solve(rhs).copy()
         out = self.changes(self.steps[k])
         out[k] += self.compliance[k]
         return out
 
-    def _reduced(self, full: Array) -> Array:
-        return self.num.reduce(full, np.zeros(len(self.num.place)))
+    def _reduced(self, rows: csr_array, k: int) -> Array:
+        """Return row k of forces in full coordinates as forces on the unknowns (n_unknowns,)."""
+        return self.num.reduce(rows[[k]].toarray()[0], np.zeros(len(self.num.place)))
 
     def complementary_changes(self, limit: float) -> dict[int, float] | None:
         """Return, by number, openings of closed points and forces on open ones that make the state complementary.
@@ -124,34 +137,40 @@ class Response:
         size = np.where(self.closed, PULL * np.abs(self.force).max(initial=0.0), limit)
         working: list[int] = []
         already_held: list[int] = []
-        responses = np.zeros((len(self.b), 0))
+        responses: list[Array] = []
         w, z = self.b, np.zeros(0)
-        while new := [k for k in np.flatnonzero(w < -size).tolist() if k not in working + already_held]:
+        while new := sorted({*np.flatnonzero(w < -size).tolist()} - {*working, *already_held}):
             for k in new:
                 response = self.unit_response(k)
                 if not self.closed[k] and response[k] * self.stiffness[k] < least:
                     already_held.append(k)
                     continue
-                responses = np.column_stack([responses, response])
+                responses.append(response)
                 working.append(k)
             if working:
-                solved = self._solve(responses[working], np.array(working))
+                columns = np.column_stack(responses)
+                solved = self._solve(columns[working], np.array(working), z)
                 if solved is None:
                     return None, False
                 z = solved
-                w = self.b + responses @ z
+                w = self.b + columns @ z
         found = {k: float(a) for k, a in zip(working, z, strict=True) if a > 0.0}
         # a force on an open point that pulls it into the obstacle: no other point holds it
         pulled_in = any(self.changes(self.steps[k])[k] * self.stiffness[k] < -HELD_ALREADY for k in already_held)
         deep = bool((w[already_held] < -limit).any())
         return (None, False) if pulled_in and not found else (found, deep)
 
-    def _solve(self, M: Array, working: Any) -> Array | None:
+    def _solve(self, M: Array, working: Any, before: Array) -> Array | None:
+        """Return the changes (m,) of the points ``working`` that are complementary; ``before`` are those of the first.
+        """
         # stiffnesses and compliances, each relative to the largest of its kind
         own, of_closed = np.abs(np.diag(M)), self.closed[working]
         most = np.where(of_closed, own[of_closed].max(initial=0.0), own[~of_closed].max(initial=0.0))
         scale: Array = 1.0 / np.sqrt(np.maximum(own, DEPENDENT * most))
-        z = lemke(M * np.outer(scale, scale), self.b[working] * scale)
+        problem = M * np.outer(scale, scale), self.b[working] * scale
+        start = np.append(before, np.zeros(len(working) - len(before))) > 0.0
+        z = lemke_from(*problem, start) if start.any() else None
+        z = lemke(*problem) if z is None else z
         return None if z is None else scale * z
 
     def step(self, found: dict[int, float]) -> Array:

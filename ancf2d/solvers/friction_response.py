@@ -19,7 +19,7 @@ import numpy as np
 from ..elements.contact_geometry import FRICTION, SLIP_STATUS, STICK, STICKS
 from ..elements.shape import Array
 from .complementarity import DEPENDENT, lemke, lemke_from
-from .contact_response import HELD_ALREADY, Candidate, Response
+from .contact_response import HELD_ALREADY, Candidate, Response, sparse_rows
 
 if TYPE_CHECKING:
     from .system import System
@@ -49,9 +49,8 @@ class FrictionResponse(Response):
                                           -states * self.mu * np.array([d[p.multiplier] for p in points])), 0.0)
         slip = anchored + force / self.spring
         super().__init__(system, d, t, candidates, stuck)
-        self.slip_gradients = np.zeros((len(some), len(self.num.place)))
-        for gradient, s in zip(self.slip_gradients, some, strict=True):
-            np.add.at(gradient, s.dofs, np.asarray(s.slip_gradient))
+        self.slip_gradients = sparse_rows([s.dofs for s in some], [np.asarray(s.slip_gradient) for s in some],
+                                          len(self.num.place))
         self.closed_entries, none = np.append(self.closed, closed), np.zeros(len(candidates))
         self.initial_slip = np.append(none, np.where(closed, slip, 0.0))
         self.b = np.append(self.b, np.where(closed, force, slip))
@@ -73,7 +72,7 @@ class FrictionResponse(Response):
         else:
             own, i = np.zeros(len(self.b)), k - m
             force = self.spring[i] if self.closed_entries[k] else 1.0
-            self.steps[k] = self.solve(self._reduced(force * self.slip_gradients[i])).copy()
+            self.steps[k] = self.solve(force * self._reduced(self.slip_gradients, i)).copy()
             own[:m] = self.changes(self.steps[k])
             own[k] = self.spring[i] if self.closed_entries[k] else 1.0 / self.spring[i]
         own[m:] += self._tangential_changes(self.steps[k])
