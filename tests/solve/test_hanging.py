@@ -15,6 +15,7 @@ from scipy.special import jn_zeros
 
 from ancf2d.case import load_case_text
 from ancf2d.errors import CaseError
+from ancf2d.solvers.statics import hanging as hanging_module
 from ancf2d.study.run import run_case, vocabulary
 
 G = 9.81
@@ -222,3 +223,20 @@ def test_what_rests_in_any_position_is_no_answer(tmp_path: Path) -> None:
     outcome = run_case(load_case_text(text, vocabulary=vocabulary()), str(tmp_path / "a.h5"))
     assert outcome.failure is not None
     assert "has no stiffness" in str(outcome.failure)
+
+
+def test_newtons_method_is_tried_seldom_while_a_rope_falls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    relaxation, tries = hanging_module._Relaxation, []
+    newton = relaxation._newton
+
+    def counted(self: Any, rests: bool) -> Any:
+        tries.append(self.steps)
+        return newton(self, rests)
+
+    monkeypatch.setattr(relaxation, "_newton", counted)
+    half_circle = {"type": "arc", "center": [0, 0], "radius": 0.5, "from": math.pi, "to": 0}
+    scene = rope(half_circle, 60, EI=1e-7) | {"boundary_conditions": [
+        {"type": "pin", "at": "l0@0"}, {"type": "pin", "at": "l0@1"}]}
+    solved(tmp_path, **scene)
+    # hundreds of steps are shorter than those after which an equilibrium may be near
+    assert tries[-1] > 150 and len(tries) < 0.15 * tries[-1]
