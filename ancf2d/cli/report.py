@@ -365,6 +365,7 @@ def choices(accuracy: dict[str, Any]) -> str:
     """Return the chosen element type of each body with element auto and the reason, and the parts of the error."""
     lines = [f"{name}: {chosen['element']}; {chosen['why']}" for name, chosen in accuracy.get("types", {}).items()]
     named = {"model_error": "model", "time_error": "time steps", "steps_error": "steps",
+             "fibres_error": "number of fibres",
              "points_error": "points in the frequency"}
     parts = [f"{text} {accuracy[key]:.1e}" for key, text in named.items() if key in accuracy]
     if parts:

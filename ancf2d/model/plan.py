@@ -269,7 +269,7 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
 
 def _plan_rigid(name: str, body: Body) -> BodyPlan:
     """Resolve a rigid body, ignoring its count: a bar per straight piece, or short stretches of a curve in a frame."""
-    for key in ("formulation", "quadrature", "shear_factor", "preset", "nodes", "grading", "refine"):
+    for key in ("formulation", "quadrature", "fibres", "shear_factor", "preset", "nodes", "grading", "refine"):
         if getattr(body.element, key) is not None:
             raise PartError(("element", key), f"bodies.{name}: a rigid body does not deform, so {key} has no effect",
                             f"no {key}")

@@ -125,12 +125,16 @@ def with_memory(spec: Any, formulation: Formulation, section: Section, rule: Rul
     ``spec`` is the element of the case. There is one fibre at each point across a layer. Raises PartError if these
     are too few to bend.
     """
+    if spec.fibres is not None and not section.laws:
+        raise PartError(("element", "fibres"), "no material yields or follows a curve, so fibres has no effect",
+                        "no fibres")
     if section.neo_hooke:
         return _neo_hookean(spec, formulation, rule), rule
     if not section.laws:
         return relaxing(formulation, len(section.maxwell)), rule
-    if spec.quadrature in (None, "exact"):
-        rule = Rule((rule.normal[0], FIBRES), (rule.shear[0], FIBRES if rule.uniform else 1), rule.lobatto)
+    if spec.fibres is not None or spec.quadrature in (None, "exact"):
+        count = spec.fibres or FIBRES
+        rule = Rule((rule.normal[0], count), (rule.shear[0], count if rule.uniform else 1), rule.lobatto)
     if rule.normal[1] < 2:
         raise PartError(("element", "quadrature"), "a single fibre through each layer has no bending stiffness",
                         f"[nx, ny] with ny fibres through each layer, {FIBRES} by default")

@@ -191,14 +191,14 @@ def element_data(body: Body, variant: Variant, count: int, base: int) -> dict[st
     """Return the ``element`` of a body, in case format, for a variant and a mesh of ``count`` elements.
 
     The mesh is a refinement of ``base`` elements if ``count`` is a multiple of them. The case's own type keeps its
-    options. Another type has its own defaults and takes from the case only the nodes and grading, the shear factor if
-    it shears, and the preset if the paper has the type.
+    options. Another type has its own defaults and takes from the case only the nodes, grading and fibres, the shear
+    factor if it shears, and the preset if the paper has the type.
     """
     own = body.element
     same = variant.type is None or (variant.type, variant.order, variant.definition) == (own.type, own.order, None)
     data: dict[str, Any] = {"shear_factor": own.shear_factor,
                             "nodes": "regular" if has_regular_nodes(own) else own.nodes,
-                            "grading": written(own.grading)}
+                            "grading": written(own.grading), "fibres": own.fibres}
     data |= divided(count, base)
     if same:
         data.update(type=own.type, order=own.order, preset=own.preset, definition=own.definition,

@@ -126,6 +126,9 @@ class Element:
                                   "(default: the one recommended for the type)", default=None)
     quadrature: Any = key(QUADRATURE, "Gauss points along and across, exact, or separately for "
                           "{normal, shear}", default=None, example=[2, 2])
+    fibres: int | None = key(Integer(2, 1000), "Fibres through each layer of a material that yields or follows a curve "
+                             "(default: 16, or ny of the quadrature; with an accuracy, as many as it takes)",
+                             default=None, example=32)
     shear_factor: float | str | None = key(
         SHEAR_FACTOR, "Shear correction: a number, timoshenko for 10(1+nu)/(12+11nu), "
         "none for 1", default=None)

@@ -321,9 +321,9 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
             break
         s.numbers[TANGENT_STEP] = 0.0
         if not kept:
-            if s.numbers[OLD_STEP] > 0.0 or prediction == 0.0 or p.least_iterations > 1:
+            if prediction == 0.0 or p.least_iterations > 1:
                 return outcome, iterations, 0.0, rate
-            # accelerations after a restart may be those of stiff vibrations
+            # prediction errors in displacements do not show strains, which may be too large for Newton's method
             prediction = 0.0
     m.held[2] = iterations
     m.held[3] = calls.lost_in_relaxing(m.relaxing.calls, (p, w, s, m)) if relaxes else 0.0

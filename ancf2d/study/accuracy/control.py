@@ -19,6 +19,7 @@ from ..run import Outcome, describe_goal, prepare, vocabulary
 from ..variants import Variant, flexible
 from ..windows import window_of
 from .direct import Direct
+from .fibres import begin_fibres, in_fibres
 from .judging import relative_distance
 from .mesh import Ladder
 from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit
@@ -100,7 +101,10 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
     # states that depend on the path must be reached along it on every mesh
     pursuit.guesses = not follows_way(loaded.case)
     types = _types(pursuit)
+    counts_fibres = begin_fibres(pursuit, types)
     accuracy = _climbed(pursuit, types, _tolerance_of(pursuit))
+    if counts_fibres and pursuit.written is not None:
+        accuracy = in_fibres(pursuit, pursuit.written, accuracy)
     if pursuit.outcome is None:
         raise ComputationError(next(level.reason for level in pursuit.levels[::-1] if level.reason))
     pursuit.outcome.summary["accuracy"] = accuracy

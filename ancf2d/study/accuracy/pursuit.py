@@ -41,7 +41,7 @@ class Pursuit:
     ``model_error``: the error of simpler models or frequencies, which meshes do not show; ``guesses``: statics may
     start from the ``latest`` state of the same element types on another mesh. ``last``: the level solved last, and its
     solution; ``case``: the case with its setting. ``weights``: the influence of each body's mesh on the goal, relative
-    to the others; ``by_adjoint``: they come from the adjoint.
+    to the others; ``by_adjoint``: they come from the adjoint. ``judged``: the estimate and error reported last.
     """
 
     loaded: LoadedCase
@@ -61,6 +61,7 @@ class Pursuit:
     case: LoadedCase | None = None
     weights: dict[str, float] = field(default_factory=dict)
     by_adjoint: bool = False
+    judged: tuple[Estimate, float] = Estimate(None, None, None, False, ""), math.inf
 
     def solve(self, setting: Setting, why: str, estimate_of: EstimateOf | None = None) -> Level:
         """Return the level of a setting, solved unless it is known.
@@ -181,6 +182,7 @@ class Pursuit:
 
     def accuracy(self, level: Level, found: Estimate, error: float) -> dict[str, Any]:
         """Return ``accuracy`` of the summary for a level, with its estimate ``found`` and its ``error``."""
+        self.judged = found, error
         sampled = 0.0 if level.answer is None else level.answer.sampling / level.answer.size
         total, note = error + self.model_error + sampled, found.note
         if sampled:
@@ -197,16 +199,17 @@ class Pursuit:
                 "achieved": bool(total <= self.wanted), "order": found.order, "limit": found.value,
                 "by_body": self.by_body(level, error),
                 "elements": dict(level.setting.counts), "nodes": level.setting.node_positions(),
-                "tolerance": level.setting.tolerance, "method": level.setting.method, "steps": None,
+                "tolerance": level.setting.tolerance, "method": level.setting.method,
+                "fibres": level.setting.fibres, "steps": None,
                 **level.setting.steps, "note": note, "solves": len(self.levels), "wall_s": self.wall_s, **self.report,
                 "path": [level.as_json() for level in self.levels]}
 
     def by_body(self, level: Level, error: float) -> dict[str, float] | None:
         """Return the parts of the mesh error due to each body, or None if unknown.
 
-        Their sum is the part of the estimate that is due neither to time or load steps nor to simpler models.
+        Their sum is the part of the estimate that is due neither to time or load steps, fibres nor to simpler models.
         """
-        left = error - self.report.get("time_error", 0.0) - self.report.get("steps_error", 0.0)
+        left = error - sum(self.report.get(name, 0.0) for name in ("time_error", "steps_error", "fibres_error"))
         bodies = level.setting.counts
         if not math.isfinite(left) or (len(bodies) > 1 and not self.weights):
             return None

@@ -32,7 +32,8 @@ class Setting:
 
     ``steps``: solver keys for the steps to an equilibrium that depends on them, if not those of the case.
     ``nodes``: places S from 0 to 1 for bodies with unequal elements; each interval has an equal share of the elements.
-    ``method``: the integrator, if not that of the case.
+    ``method``: the integrator, if not that of the case. ``fibres``: their number in bodies where the case gives none,
+    if not the default.
     """
 
     counts: dict[str, int]
@@ -41,6 +42,7 @@ class Setting:
     nodes: dict[str, tuple[float, ...]] = field(default_factory=dict)
     steps: dict[str, Any] = field(default_factory=dict)
     method: str | None = None
+    fibres: int | None = None
 
     @property
     def kinds(self) -> tuple[tuple[str, Variant], ...]:
@@ -51,7 +53,7 @@ class Setting:
     def name(self) -> Hashable:
         """The key by which equal settings are found."""
         return (tuple(self.counts.items()), self.kinds, self.tolerance, tuple(self.nodes.items()),
-                tuple(self.steps.items()), self.method)
+                tuple(self.steps.items()), self.method, self.fibres)
 
     @property
     def named_steps(self) -> str:
@@ -133,8 +135,9 @@ class Level:
         if self.setting.tolerance is not None:
             out["tolerance"] = self.setting.tolerance
         out |= self.setting.steps
-        if self.setting.method is not None:
-            out["method"] = self.setting.method
+        for name in ("method", "fibres"):
+            if getattr(self.setting, name) is not None:
+                out[name] = getattr(self.setting, name)
         if self.setting.types:
             out["types"] = {name: v.element for name, v in self.setting.types.items()}
         return out | ({"reason": self.reason} if self.reason else {})
@@ -171,6 +174,12 @@ def bodies_with_meshes(case: Case, types: dict[str, Variant]) -> dict[str, Body]
     return {name: b for name, b in flexible(case).items() if types.get(name, AS_GIVEN).type != "rigid"}
 
 
+def gives_fibres(body: Body) -> bool:
+    """Return whether a case gives the number of fibres of a body, or the body has none."""
+    own = body.element
+    return not any(m.fibres for m in body.materials) or own.fibres is not None or own.quadrature not in (None, "exact")
+
+
 def overrides(case: Case, setting: Setting) -> list[str]:
     """Return the ``PATH=VALUE`` overrides that apply a setting to a case."""
     out, meshes = [], meshed(case, setting.types)
@@ -187,6 +196,8 @@ def overrides(case: Case, setting: Setting) -> list[str]:
                 data |= {"nodes": list(given), "refine": count // (len(given) - 1)}
             elif not isinstance(body.element.nodes, tuple):
                 data.pop("nodes", None) if body.element.preset is None else data.update(nodes="acting")
+            if setting.fibres is not None and not gives_fibres(body):
+                data["fibres"] = setting.fibres
         out.append(f"bodies.{name}.element={json.dumps(data)}")
     if setting.tolerance is not None and isinstance(case.solver, Dynamic):
         solver = replace(case.solver, dt=None, tolerance=setting.tolerance, estimate=False,

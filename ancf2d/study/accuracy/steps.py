@@ -147,8 +147,8 @@ class Motion:
         return found, error + self.time_error
 
 
-# of the wanted error: smaller effects of load steps on the goal leave the estimate of meshes valid; and the least error
-# assumed of a mesh twice as fine, as a share of the coarser one's
+# of the wanted error: smaller effects of load steps or fibres on the goal leave the estimate of meshes valid; and the
+# least error assumed of a mesh twice as fine, as a share of the coarser one's
 MOVED, FALLS = 0.2, 0.35
 # least ratio of the steps of two paths that shows their errors; largest number by which steps are divided to reach it
 APART, MOST = 1.4, 256.0
@@ -170,7 +170,7 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
                 "achieved": False, "note": f"the steps are not judged, as those with {fine.setting.named_steps} fail"}
         accuracy = pursuit.accuracy(fine, *shorter.estimate_of(fine))
         if error <= pursuit.wanted and relative_distance(fine, known) > MOVED * pursuit.wanted:
-            finer, error = _refined(pursuit, fine, error)
+            finer, error = fine_enough(pursuit, fine, error)
             known, shorter.error = finer, error
             if finer is not fine:
                 shorter.found = Estimate(None, None, None, False, "meshes differ more with shorter steps")
@@ -236,7 +236,7 @@ class _ShorterSteps:
         return self.pursuit.loaded.case.solver.with_steps(ratio)
 
 
-def _refined(pursuit: Pursuit, level: Level, error: float) -> tuple[Level, float]:
+def fine_enough(pursuit: Pursuit, level: Level, error: float) -> tuple[Level, float]:
     """Return a level, or a finer mesh with its load steps whose error is small enough, and its error.
 
     Returns the level itself if a mesh twice as fine differs by no more than its ``error``, and the finest mesh if none
