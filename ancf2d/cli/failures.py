@@ -59,7 +59,8 @@ def explain(error: BaseException, session: Session) -> int:
 
 
 # kinds of numbers in click's words and in plain ones
-_KINDS = {"float range": "a number", "integer range": "a whole number", "float": "a number", "integer": "a whole number"}
+_KINDS = {"float range": "a number", "integer range": "a whole number", "float": "a number",
+          "integer": "a whole number"}
 
 
 def _usage(error: click.ClickException) -> str:
