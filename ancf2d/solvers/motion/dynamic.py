@@ -298,7 +298,7 @@ class Run:
             "method": self.stepper.method.name, "steps": int(numbers[COUNT]), "rejected": int(numbers[REJECTED]),
             "energy_drift": self.balance.drift, "momentum": {"linear": [px, py], "angular": h}}
         found = self.stepper.events.report()
-        if found:
+        if found is not None:
             state.report["events"] = found
         self.stepper.impacts.tell(state)
         if self.inverted is not None:
