@@ -9,6 +9,8 @@ from typing import Any
 
 # characters of a source line that a message shows at most
 WIDTH = 92
+# names of cases from Python; nobody has seen the text made from a mapping, so its problems name keys, not lines
+MAPPING, TEXT = "case (dict)", "case (text)"
 
 
 def many(count: int, what: str) -> str:
@@ -40,6 +42,9 @@ class Problem:
 
     def __str__(self) -> str:
         """Return ``file:line:column: error: message`` with the source line, or option, and a caret below it."""
+        if self.file == MAPPING:
+            key = ".".join(map(str, self.path))
+            return f"{MAPPING}{f', {key}' if key not in self.message else ''}: error: {self.sentence}"
         shown = bool(self.source_line.strip()) and self.column >= 1
         place = f"{self.file}:{self.line}:{self.column}: " if self.line else f"{self.file}: "
         # a problem in a command line option needs no file name: the option itself is shown

@@ -122,6 +122,7 @@ class Solution:
             if self._results is None:
                 temporary.remove()
             else:
+                self._results.called = f"the solution of {case.source.file}"
                 # the results may outlive the solution
                 self._results.release(temporary.remove)
 
@@ -268,6 +269,7 @@ class Solution:
         from ..study.fields_of_states import StatesWithFields
 
         with StatesWithFields(self.results.path) as results:
+            results.called = self.results.called
             return draw(results, kind, **options)
 
     def to_xarray(self, states: bool = True) -> Dataset:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ..case import LoadedCase, load_case_text, with_overrides
 from ..case.axes import Axis, Bounds, read_bounds
-from ..errors import CaseError
+from ..errors import MAPPING, TEXT, CaseError
 from ..results.target import RESULTS, check_output
 from ..study.accuracy.control import is_pursued, solve_to_accuracy
 from ..study.convergence import Steps
@@ -116,9 +116,9 @@ def load(case: CaseLike, overrides: Overrides = ()) -> LoadedCase:
     if isinstance(case, LoadedCase):
         return with_overrides(case, options, vocabulary())
     if isinstance(case, Mapping):
-        return load_case_text(as_text(case), "<mapping>", options, vocabulary())
+        return load_case_text(as_text(case), MAPPING, options, vocabulary())
     if isinstance(case, str) and "\n" in case:
-        return load_case_text(case, "<text>", options, vocabulary())
+        return load_case_text(case, TEXT, options, vocabulary())
     if not isinstance(case, str | os.PathLike):
         raise_type_error("case", "a file, a text, a mapping or a loaded case", case)
     return load_file(case, options)

@@ -153,8 +153,8 @@ class Binder:
         near = self.nearest(word, names)
         return "" if near else listed(names), near
 
-    def wrong(self, node: Node, path: Path, wanted: str) -> Any:
-        """Report that a value is not as wanted; return INVALID."""
+    def wrong(self, node: Node, path: Path, wanted: str, expected: str = "") -> Any:
+        """Report that a value is not as wanted, with what else to expect; return INVALID."""
         if isinstance(node, Broken):
             return self.skip(path)
         if self.full:
@@ -162,7 +162,7 @@ class Binder:
         what = "has no value" if node.shape == "null" else None
         message = (f"{dotted(path)} {what}" if what
                    else f"{dotted(path)} must be {wanted}, got {node.shown()}")
-        return self.fail(node.mark, path, message, wanted if what else "")
+        return self.fail(node.mark, path, message, wanted if what else expected)
 
     def unknown(self, mark: Mark, path: Path, shown: str, names: Iterable[str],
                 near: str) -> Any:

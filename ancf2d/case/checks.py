@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..errors import MAPPING
 from .binder import INVALID, Binder, Path, dotted, listed
 from .emit import walk
 from .nodes import Source, quoted
@@ -139,8 +140,9 @@ class _Checker:
                     continue
                 if name in seen:
                     line = self.source.mark((section, seen[name])).line
+                    where = "" if self.source.file == MAPPING else f" (line {line})"
                     self.fail((section, i, "name"), f"{section}.{i}.name: '{name}' is already the "
-                              f"name of {section}.{seen[name]} (line {line})")
+                              f"name of {section}.{seen[name]}{where}")
                 else:
                     seen[name] = i
 

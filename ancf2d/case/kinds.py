@@ -70,7 +70,9 @@ class Number(Kind):
 
     def bind(self, node: Node, path: Path, binder: Binder) -> Any:
         if not isinstance(node, Scalar) or node.shape != "number":
-            return binder.wrong(node, path, self.words(binder))
+            parameter = isinstance(node, Scalar) and node.text in binder.numbers
+            return binder.wrong(node, path, self.words(binder),
+                                "its value, because only expressions know parameters" * parameter)
         value = float(node.value)
         if not math.isfinite(value):
             return binder.wrong(node, path, "a finite number")

@@ -14,6 +14,9 @@ COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
 # reserved names
 WORDS = ("pi", "if", "else", *FUNCTION_NAMES)
 IDENTIFIER = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+# words of other languages, and what to write instead: comparisons are 1 or 0
+_INSTEAD = {"and": "for both conditions, multiply them: (t > 1)*(t < 2)",
+            "or": "for one of two conditions, add them: (t < 1) + (t > 2)"}
 _NAMES = "pi, " + ", ".join(FUNCTION_NAMES)
 _TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
                     r"|(?P<name>[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)|(?P<op><=|>=|==|!=|\*\*|[-+*/^()<>]))")
@@ -215,8 +218,12 @@ class _Parser:
     def whole(self) -> Tree:
         result = self.conditional()
         if self.tokens[self.at][0] != "end":
-            raise self.fail(f"'{self.peek()}' is unexpected")
+            raise self.unexpected()
         return result
+
+    def unexpected(self) -> ExpressionError:
+        text = self.peek()
+        return self.fail(f"'{text}' is unexpected" + (f"; {_INSTEAD[text]}" if text in _INSTEAD else ""))
 
     def conditional(self) -> Tree:
         self.depth += 1
@@ -290,8 +297,7 @@ class _Parser:
             inner = self.conditional()
             self.close()
             return inner
-        raise self.fail("the expression ends too early" if kind == "end"
-                        else f"'{text}' is unexpected")
+        raise self.fail("the expression ends too early") if kind == "end" else self.unexpected()
 
     def named(self, text: str) -> Tree:
         own = text == self.names.variable or text in self.names.quantities
@@ -341,7 +347,7 @@ class _Parser:
 
     def close(self) -> None:
         if self.peek() != ")":
-            raise self.fail("')' is missing")
+            raise self.unexpected() if self.peek() in _INSTEAD else self.fail("')' is missing")
         self.take()
 
 

@@ -58,12 +58,19 @@ def explain(error: BaseException, session: Session) -> int:
     return code
 
 
+# kinds of numbers in click's words and in plain ones
+_KINDS = {"float range": "a number", "integer range": "a whole number", "float": "a number",
+          "integer": "a whole number"}
+
+
 def _usage(error: click.ClickException) -> str:
     """Print a usage error of the command line in the style of all other errors; return the reason."""
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
         error.show()
         return "no command"
     reason = error.format_message()
+    for theirs, ours in _KINDS.items():
+        reason = reason.replace(f"is not a valid {theirs}", f"is not {ours}")
     if isinstance(error, click.NoSuchOption):
         from difflib import get_close_matches
 

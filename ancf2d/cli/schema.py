@@ -113,13 +113,14 @@ def _validate() -> Schema:
 
 def _convergence() -> Schema:
     limit: Schema = {"extrapolated": _is("number?", "the limit"), "error_bar": NUMBER_OR_NONE,
-                     "order": NUMBER_OR_NONE, "asymptotic": FLAG, "note": TEXT}
+                     "order": NUMBER_OR_NONE, "asymptotic": _is("boolean?"), "note": _is("string?")}
     row = _object("one level", {"reason": TEXT, "dt": NUMBER_OR_NONE, "tolerance": NUMBER_OR_NONE}, **_ELEMENT,
                   elements=WHOLE, dofs=WHOLE, value=NUMBER_OR_NONE, error=_is("number?", "relative"),
                   order=NUMBER_OR_NONE, wall_s=SECONDS, status=TEXT)
-    return _object("a convergence study; the limit is that of the first element type", _FAILED, case=TEXT, title=TEXT,
-                   status=TEXT, goal=TEXT, reference={"type": ["number", "string"]}, over=TEXT, rows=_list(row),
-                   **limit, elements=_list(_object("one element type", **_ELEMENT, **limit)), warnings=_WARNINGS)
+    return _object("a convergence study; of several element types, the limits are in elements", _FAILED, case=TEXT,
+                   title=TEXT, status=TEXT, goal=TEXT, reference={"type": ["number", "string"]}, over=TEXT,
+                   rows=_list(row), **limit, elements=_list(_object("one element type", **_ELEMENT, **limit)),
+                   warnings=_WARNINGS)
 
 
 def _tradeoff() -> Schema:

@@ -108,7 +108,7 @@ def chosen_scale(sources: Sequence[Source], state: int, scale: float | str) -> f
 def check_state(results: Results, state: int) -> None:
     """Raise ResultsError if a file does not have a state."""
     if not -results.nt <= state < results.nt:
-        raise ResultsError(f"'{results.path}' has no state {state}: it holds {results.nt}")
+        raise ResultsError(f"{results.called} has no state {state}: it holds {results.nt}")
 
 
 ABOUT = ("eigen", "frequency_response", "state_space")  # small motions about the only state, the reference at factor 0

@@ -74,7 +74,7 @@ def convergence(sources: Sequence[Source], *, against: str = "elements", values:
         table = source.results.tables["convergence"]
         for needed in (against, column):
             if needed not in table:
-                raise ResultsError(f"the table of '{source.results.path}' has no column '{needed}'")
+                raise ResultsError(f"the table of {source.results.called} has no column '{needed}'")
         groups = groups_of(table)
         for name, rows in groups.items():
             x, y = _points(table, rows, against, column)

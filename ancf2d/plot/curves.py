@@ -48,11 +48,11 @@ def near_hint(name: str, known: Sequence[str]) -> str:
     return f"; did you mean '{near[0]}'?" if near else ""
 
 
-def chosen_names(wanted: list[str], known: list[str], what: str, file: object) -> list[str]:
+def chosen_names(wanted: list[str], known: list[str], what: str, file: str) -> list[str]:
     """Return the wanted names. Raises ResultsError if one is unknown."""
     for name in wanted:
         if name not in known:
-            raise ResultsError(f"'{file}' has no {what} '{name}' (it has {', '.join(known)}){near_hint(name, known)}")
+            raise ResultsError(f"{file} has no {what} '{name}' (it has {', '.join(known)}){near_hint(name, known)}")
     return wanted
 
 
@@ -61,8 +61,8 @@ def _values(source: Source, probes: list[str], quantities: list[str],
     """Return (probe, quantity, units, values) of all quantities of the chosen probes. Raises ResultsError."""
     results = source.results
     known = list(dict.fromkeys(q for p in results.probes.values() for q in p))
-    chosen_names(quantities, known, "probe quantity", results.path)
-    names = chosen_names(probes, list(results.probes), "probe", results.path) or list(results.probes)
+    chosen_names(quantities, known, "probe quantity", results.called)
+    names = chosen_names(probes, list(results.probes), "probe", results.called) or list(results.probes)
     return [(name, q, results.probes[name].units.get(q, "1"), values)
             for name in names for q, values in results.probes[name].items()]
 
@@ -215,7 +215,7 @@ def _place(results: Results, point: str | None, field: str, *needed: str) -> tup
     having = [name for name, found in results.fields.items() if {field, *needed} <= set(found)]
     body, _, text = (point or having[0]).partition("@")
     if body not in having:
-        raise ResultsError(f"'{results.path}' holds no {' and '.join((field, *needed))} of a body '{body}' (it does of "
+        raise ResultsError(f"{results.called} holds no {' and '.join((field, *needed))} of a body '{body}' (it does of "
                            f"{', '.join(having)})")
     lengths = results.body(body).lengths[results.body(body).classes]
     ends = np.concatenate([[0.0], np.cumsum(lengths)])

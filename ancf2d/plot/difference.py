@@ -76,7 +76,7 @@ def _comparable(a: Results, b: Results, state: int) -> None:
     """Raise ResultsError for files whose bodies, units, or times or load factors differ."""
     for results in (a, b):
         check_state(results, state)
-    pair = f"'{a.path}' and '{b.path}'"
+    pair = f"{a.called} and {b.called}"
     if set(a.bodies) != set(b.bodies):
         raise ResultsError(f"{pair} have different bodies: {', '.join(a.bodies)} and {', '.join(b.bodies)}")
     if a.units.length != b.units.length:
@@ -93,7 +93,7 @@ def _same_reference(a: Results, b: Results, name: str, s: np.ndarray) -> None:
     """Raise ResultsError for a body whose reference differs, with a tolerance between the ends of curved elements."""
     one, two = a.body(name), b.body(name)
     lengths = [float(x.lengths[x.classes].sum()) for x in (one, two)]
-    text = f"the reference geometry of '{name}' differs between '{a.path}' and '{b.path}': "
+    text = f"the reference geometry of '{name}' differs between {a.called} and {b.called}: "
     if abs(lengths[0] - lengths[1]) > SAME * max(lengths):
         raise ResultsError(f"{text}it is {lengths[0]:.6g} and {lengths[1]:.6g} {a.units.length} long")
     apart = np.linalg.norm(a.reference(name, s) - b.reference(name, s), axis=1)

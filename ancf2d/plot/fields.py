@@ -232,7 +232,7 @@ def _wanted(results: Results, wanted: str | None) -> str:
     if wanted in FORCES:
         raise ResultsError(f"{wanted} is stored along the axis only; draw it as section_forces")
     if wanted not in known:
-        raise ResultsError(f"'{results.path}' has no field '{wanted}' (it has {', '.join(known)}; name those to store "
+        raise ResultsError(f"{results.called} has no field '{wanted}' (it has {', '.join(known)}; name those to store "
                            "under output: fields: in the case)")
     return wanted
 

@@ -122,7 +122,7 @@ def chosen_kind(results: Input, kind: str | None, options: Mapping[str, Any], an
     for source in sources:
         missing = chosen.missing(source.results)
         if missing:
-            raise ResultsError(f"cannot draw '{source.results.path}' as {name}: {missing}")
+            raise ResultsError(f"cannot draw {source.results.called} as {name}: {missing}")
     known = _options(chosen, animated)
     for option in options:
         if option not in known:

@@ -249,7 +249,7 @@ def _scaled_modes(sources: Sequence[Source], first: int, count: int, swing: floa
     results = sources[0].results
     shapes = results.array(SHAPES)
     if not 1 <= int(first) <= len(shapes) or int(count) < 1:
-        raise ResultsError(f"'{results.path}' holds modes 1 to {len(shapes)}")
+        raise ResultsError(f"{results.called} holds modes 1 to {len(shapes)}")
     base = results.e(-1) if results.solver == "eigen" and results.nt else results.e0
     points = np.vstack([_boundary(_flat(body_faces(b, base, _chosen(b)))) for b in results.bodies.values()])
     extent = float(np.hypot(*np.ptp(points, axis=0)))

@@ -163,7 +163,7 @@ def phase(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None
     panels: dict[str, Panel] = {}
     for source in sources:
         probes = source.results.probes
-        for name in chosen_names(names_of(probe), list(probes), "probe", source.results.path) or list(probes):
+        for name in chosen_names(names_of(probe), list(probes), "probe", source.results.called) or list(probes):
             columns = probes[name]
             top = max((largest_magnitude(columns[q]) for q in ("ux", "uy") if q in columns), default=0.0)
             for q in asked or RATES:
@@ -183,7 +183,7 @@ def trajectory(sources: Sequence[Source], *, probe: str | Sequence[str] | None =
     panel = Panel(("x", length), ("y", length), equal=True)
     for source in sources:
         probes = source.results.probes
-        for name in chosen_names(names_of(probe), list(probes), "probe", source.results.path) or list(probes):
+        for name in chosen_names(names_of(probe), list(probes), "probe", source.results.called) or list(probes):
             if {"x", "y"} <= set(probes[name]):
                 panel.curves += _line(source.name(name), probes[name]["x"], probes[name]["y"])
     return Curves(common_title(sources), "", [panel], share="x")

@@ -23,7 +23,7 @@ def _responses(source: Source, inputs: list[str], probes: list[str], quantities:
 
     If no probe moves, as at a clamp, the default is section forces.
     """
-    table, file = source.results.tables["response"], source.results.path
+    table, file = source.results.tables["response"], source.results.called
     names = [tuple(column[:-len(".re")].rsplit(".", 2)) for column in table if column.endswith(".re")]
     for asked, k, what in ((inputs, 0, "input"), (probes, 1, "probe"), (quantities, 2, "probe quantity")):
         chosen_names(asked, list(dict.fromkeys(name[k] for name in names)), what, file)

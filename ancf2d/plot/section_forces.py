@@ -188,7 +188,7 @@ def section_forces(sources: Sequence[Source], *, quantity: str | Sequence[str] |
                     found[name].append((source, _diagram(results, body, name, state), fields[name].units))
     drawn = {name: entries for name, entries in found.items() if entries}
     if not drawn:
-        raise ResultsError(f"'{sources[0].results.path}' does not hold {' or '.join(asked)}")
+        raise ResultsError(f"{sources[0].results.called} does not hold {' or '.join(asked)}")
     _zero_negligible(drawn)
     first, note = sources[0].results, when(sources[0].results, state)
     one = [d for _, d, _ in next(iter(drawn.values()))]

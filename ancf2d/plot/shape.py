@@ -190,7 +190,7 @@ def moving(sources: Sequence[Source], count: int, *, scale: float | str = "auto"
     """Yield the bodies in at most ``count`` states of the first file, other files at the nearest times."""
     for source in sources:
         if not source.results.nt:
-            raise ResultsError(f"'{source.results.path}' holds no states")
+            raise ResultsError(f"{source.results.called} holds no states")
     first = sources[0].results
     states = even_states(first.t, count)
     factor = chosen_scale(sources, -1, scale)
@@ -311,7 +311,7 @@ def _states(results: Results, at: str | None, count: int) -> list[int]:
     span = float(np.ptp(t)) or 1.0
     for value in wanted:
         if not t.min() - 1e-6 * span <= value <= t.max() + 1e-6 * span:
-            raise ResultsError(f"'{results.path}' holds states from {t.min():.6g} to {t.max():.6g}, "
+            raise ResultsError(f"{results.called} holds states from {t.min():.6g} to {t.max():.6g}, "
                                f"none at {value:.6g}")
     if at is None and np.any(np.diff(t) <= 0):  # a path that turns back: evenly spaced by number instead
         return list(dict.fromkeys(np.linspace(0, len(t) - 1, count).round().astype(int).tolist()))

@@ -145,7 +145,7 @@ def fit(sources: Sequence[Source], *, quantity: Sequence[str] = ()) -> Curves:
         for source in sources:
             table = source.results.tables["fitted"]
             if not {axis, f"data {name}"} <= set(table):
-                raise ResultsError(f"'{source.results.path}' has no column '{name}' over {axis}")
+                raise ResultsError(f"{source.results.called} has no column '{name}' over {axis}")
             x, data, model = (np.asarray(table[key], float) for key in (axis, f"data {name}", f"model {name}"))
             here = np.isfinite(data)
             pair[0].curves += [Curve(source.name("data"), x[here], data[here], look=dict(POINTS)),

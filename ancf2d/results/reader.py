@@ -37,6 +37,7 @@ class Results(AbstractContextManager["Results"]):
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
+        self.called = f"'{self.path}'"  # in messages
         self._rows: dict[str, StateRows | None] = {}
         self._file = safe.open_file(self.path)
         try:
@@ -149,7 +150,7 @@ class Results(AbstractContextManager["Results"]):
     def _number(self, i: int) -> int:
         """Return the number from 0 of state i. Raises ResultsError if there is no such state."""
         if not -self.nt <= i < self.nt:
-            raise ResultsError(f"'{self.path}' has no state {i}: it holds {self.nt}")
+            raise ResultsError(f"{self.called} has no state {i}: it holds {self.nt}")
         return int(i) % self.nt
 
     def _row(self, name: str, i: int) -> np.ndarray:
@@ -157,12 +158,12 @@ class Results(AbstractContextManager["Results"]):
         with safe.damage(self.path):
             rows = self._state_rows(name)
             if rows is None or len(rows) <= number:
-                raise ResultsError(f"'{self.path}' does not hold {name} of state {i}")
+                raise ResultsError(f"{self.called} does not hold {name} of state {i}")
             return rows.row(number)
 
     def _all_rows(self, name: str) -> StateRows:
         if not (self.nt and self.holds(name)):
-            raise ResultsError(f"'{self.path}' does not hold {name} of its states")
+            raise ResultsError(f"{self.called} does not hold {name} of its states")
         rows = self._state_rows(name)
         assert rows is not None
         return rows
@@ -243,7 +244,7 @@ class Results(AbstractContextManager["Results"]):
     def body(self, name: str) -> BodyRecord:
         """Return a body by name. Raises ResultsError, which lists the known names, if there is none."""
         if name not in self.bodies:
-            raise ResultsError(f"'{self.path}' has no body '{name}' (bodies: "
+            raise ResultsError(f"{self.called} has no body '{name}' (bodies: "
                                f"{', '.join(self.bodies)})")
         return self.bodies[name]
 
@@ -309,7 +310,7 @@ class Results(AbstractContextManager["Results"]):
     def _field_rows(self, body: str, name: str) -> StateRows:
         found = self._stored_fields.get(body, {}).get(name)
         if found is None:
-            raise ResultsError(f"'{self.path}' has no field '{name}' of body '{body}'")
+            raise ResultsError(f"{self.called} has no field '{name}' of body '{body}'")
         return found[1]
 
     def field(self, body: str, name: str, i: int = -1) -> np.ndarray:
@@ -376,7 +377,7 @@ class Results(AbstractContextManager["Results"]):
     def array(self, path: str) -> np.ndarray:
         """Return one of ``arrays`` as a NumPy array. Raises ResultsError if there is none at this path."""
         if path not in self.arrays:
-            raise ResultsError(f"'{self.path}' has no array '{path}' (arrays: {', '.join(self.arrays) or 'none'})")
+            raise ResultsError(f"{self.called} has no array '{path}' (arrays: {', '.join(self.arrays) or 'none'})")
         with safe.damage(self.path):
             dataset = self.arrays[path]
             return safe.values(dataset, dataset.ndim)

@@ -17,6 +17,7 @@ from ..elements.shape import Array, gauss
 from ..interactions.contact_curves import ALONG, Spot, levels_of
 from ..model.model import Model
 from .state import State
+from .system import least_size
 from .threads import largest
 
 if TYPE_CHECKING:
@@ -95,9 +96,10 @@ class ErrorsBetweenPoints:
 
                 halves: list[Any] = [half for half in model.contact_tables if half.pair.item is pair.item]
                 self.checks.append((pair, BodyLayer(model, halves)))
-        # the largest displacement; the largest error, and the largest relative to the radius of a disc, each as: error,
-        # depth, depth for the summed forces, time, number of the contact
-        self.displacement, self.worst, self.worst_on_disc = 0.0, np.zeros(5), np.zeros(5)
+        # the largest displacement, not below that to which errors are relative; the largest error, and the largest
+        # relative to the radius of a disc, each as: error, depth, depth for the summed forces, time, number of the
+        # contact
+        self.displacement, self.worst, self.worst_on_disc = least_size(model, 0.0), np.zeros(5), np.zeros(5)
 
     def check(self, state: State) -> None:
         """Check the next state."""
@@ -122,7 +124,7 @@ class ErrorsBetweenPoints:
     @property
     def error(self) -> float:
         """Largest error relative to the largest displacement or the radius of a disc, if it gives a warning; else 0."""
-        error = float(self.worst[0]) / self.displacement if self.displacement > 0.0 else 0.0
+        error = float(self.worst[0]) / self.displacement
         small = float(self.worst_on_disc[0])
         return max(error if error > DISPLACEMENT_SHARE else 0.0, small if small > RADIUS_SHARE else 0.0)
 

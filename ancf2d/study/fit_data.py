@@ -141,9 +141,14 @@ def data_of(columns: Mapping[str, Any], file: str = "") -> Data:
     x, values = table[0], np.array(table[1:]).T.reshape(len(table[0]), len(names) - 1)
     if not np.isfinite(x).all():
         problems.append(Problem(f"column {names[0]} has gaps", file=file))
-    if len(names) < 2 or not np.isfinite(values).any(axis=0).all():
-        problems.append(Problem("there are columns without a value" if len(names) > 1 else "nothing was measured",
-                                file=file, expected="columns named PROBE.QUANTITY"))
+    if len(names) < 2:
+        problems.append(Problem("nothing was measured", file=file, expected="columns named PROBE.QUANTITY"))
+    for name, column in zip(names[1:], values.T, strict=True):
+        if np.isinf(column).any():
+            problems.append(Problem(f"column {name} holds an infinite number", file=file,
+                                    expected="finite numbers, and nothing or nan where nothing was measured"))
+        elif np.isnan(column).all():
+            problems.append(Problem(f"column {name} has no value", file=file, expected="at least one"))
     raise_any(problems)
     order = np.argsort(x, kind="stable")
     return Data(names[0], x[order], tuple(names[1:]), values[order], file)

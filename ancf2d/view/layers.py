@@ -205,7 +205,7 @@ def fields(results: Results, drawn: Sequence[Drawn], chosen: Sequence[int | None
     known = _names(results)
     for name in wanted:
         if name not in known:
-            raise ResultsError(f"'{results.path}' has no field '{name}' (it has {', '.join(known) or 'none'})")
+            raise ResultsError(f"{results.called} has no field '{name}' (it has {', '.join(known) or 'none'})")
     shown = [(name, part) for name in (wanted or known) for part in _parts(results, name)]
     if not shown:
         return []

@@ -39,11 +39,11 @@ def scene(results: Results, wanted: Sequence[str] = ()) -> dict[str, Any]:
     multiples of ``step`` (i2). Raises ResultsError for a file without bodies or states.
     """
     if not results.bodies:
-        raise ResultsError(f"'{results.path}' holds no bodies to show")
+        raise ResultsError(f"{results.called} holds no bodies to show")
     drawn = [drawn_body(body) for body in results.bodies.values()]
     modes = "modes/shapes" in results.arrays
     if not modes and not results.nt:
-        raise ResultsError(f"'{results.path}' holds no states to show")
+        raise ResultsError(f"{results.called} holds no states to show")
     base = results.e(-1) if modes and results.solver == "eigen" and results.nt else results.e0
     bodies, count = listed(drawn)
     extent = float(np.hypot(*np.ptp(_points(drawn, base), axis=0))) or 1.0

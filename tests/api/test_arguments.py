@@ -50,3 +50,26 @@ def test_one_path_is_a_list_of_one() -> None:
 
 def test_none_is_no_override() -> None:
     assert ancf2d.load(TEXT, None).completed == ancf2d.load(TEXT).completed
+
+
+def test_problems_of_a_mapping_name_keys_and_those_of_a_text_lines() -> None:
+    text = TEXT.replace("height:", "heigth:", 1)
+    with pytest.raises(ancf2d.CaseError, match=r"^case \(text\):\d+:\d+: error: .*'heigth'"):
+        ancf2d.load(text)
+    wrong = {**ancf2d.load(TEXT).data, "boundary_conditions": []}
+    with pytest.raises(ancf2d.CaseError) as raised:
+        ancf2d.solve(wrong)
+    assert str(raised.value).startswith("case (dict), boundary_conditions: error: ")
+    wrong["joints"] = [{"name": "a", "type": "pin", "between": ["beam@0", "beam@1"]}] * 2
+    with pytest.raises(ancf2d.CaseError, match=r"error: joints.1.name: 'a' is already the name of joints.0$"):
+        ancf2d.load(wrong)
+
+
+def test_messages_about_a_solution_name_its_case_and_not_the_temporary_file() -> None:
+    solution = ancf2d.solve(ancf2d.load(TEXT).data)
+    calls = [lambda: solution.v, lambda: solution.axis("rod"), lambda: solution.plot("energy"),
+             lambda: solution.plot("shape", state=99), lambda: solution.results.field("beam", "gap")]
+    for call in calls:
+        with pytest.raises(ancf2d.ResultsError, match=r"the solution of case \(dict\)") as raised:
+            call()
+        assert ".h5" not in str(raised.value)

@@ -49,7 +49,9 @@ def test_rate_is_the_derivative(text, t, rate):
     ("sin t", 4, r"'\(' is missing after sin"), ("sin()", 4, "'\\)' is unexpected"),
     ("sin(t, 2)", 5, "',' is not allowed"), ("1 if t", 6, "'else' is missing"),
     ("if t", 0, "a value is missing"), ("t = 2", 2, "'=' is not allowed"), ("a.b", 0, "'a.b' is unknown"),
-    ("t and 1", 2, "'and' is unexpected"), ("'t'", 0, "not allowed"), ("1e999", 0, "too large"),
+    ("t > 1 and t < 2", 6, r"'and' is unexpected; .* \(t > 1\)\*\(t < 2\)"),
+    ("1 if (t < 1 or t > 2) else 0", 12, r"'or' is unexpected; .* \(t < 1\) \+ \(t > 2\)"),
+    ("'t'", 0, "not allowed"), ("1e999", 0, "too large"),
     ("__import__", 0, "unknown"), ("t[0]", 1, "not allowed"), ("1 if 1 else", 11, "too early"),
     ("½", 0, "not allowed"), ("t;t", 1, "not allowed"), ("lambda", 0, "unknown"),
     ("2 *\n* 3", 4, "unexpected")])

@@ -57,6 +57,7 @@ def test_rigid_bodies_are_listed_too_and_told_apart(call: Call) -> None:
     (["run", "beam.yaml", "--set", "solver={type: buckling, modes: 1}", "--set", "loads.0.value=[-1, 0]",
       "--set", "goal=null", "--set", "expected=null"], "load_factors"),
     (["convergence", "beam.yaml", "--elements", "1,2"], "extrapolated"),
+    (["convergence", "beam.yaml", "--elements", "1,2", "--element", "cable,vallejo"], "elements"),
     (["sweep", "beam.yaml", "--over", "bodies.beam.element.count=1,-1"], "rows"), (["info", "beam.h5"], "made"),
     (["compare", "beam.h5", "beam.h5"], "differences"), (["export", "beam.h5", "t.csv"], "bytes"),
     (["elements"], "elements"), (["elements", "cable"], "basis"),

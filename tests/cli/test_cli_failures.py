@@ -54,6 +54,8 @@ LONG = BEAM.replace("count: 2", "count: 200").replace("{type: linear_static}", "
     (["info", "none.h5"], "there is no result file"),
     (["compare", "none.h5", "none.h5"], "there is no result file"),
     (["compare", "a.h5", "b.h5", "--rtol", "-1"], "--rtol"),
+    (["compare", "a.h5", "b.h5", "--rtol", "x"], "'x' is not a number (see"),
+    (["plot", "none.h5", "--fps", "3.5"], "'3.5' is not a whole number (see"),
     (["elements", "cabel"], "did you mean 'cable'?"),
     (["new", "no/such/folder"], "cannot write"),
     (["new", "x", "--kind", "bridge"], "cantilever"),

@@ -184,3 +184,15 @@ def test_viscous_bodies_that_are_hit_take_what_they_take_and_move_to_the_toleran
     way = np.array(fine.course["tip"]["uy"])
     assert np.abs(np.array(found.course["tip"]["uy"]) - way).max() < 1e-3 * np.abs(way).max()
     assert found.energies["dissipated"][-1] == pytest.approx(fine.energies["dissipated"][-1], rel=0.03)
+
+
+@pytest.mark.parametrize("height", [0.5, 0.51, 0.3])
+def test_a_body_at_rest_has_no_error_of_energy(height: float) -> None:
+    """It moves by the round-off of positions alone, whose work is not an error of the steps."""
+    found = ancf2d.solve({
+        "bodies": {"rod": rigid([0, height], [0.2, height], 0.6, 0.002)}, "loads": FALL,
+        "obstacles": {"floor": {**FLOOR, "through": [0, height - 0.01]}},
+        "contacts": [{"between": ["rod", "floor"]}], "solver": {"type": "dynamic", "t_end": 0.6, "tolerance": 1e-6},
+    }, {"bodies.rod.section": {"height": 0.02, "width": 0.02}}, states=False)
+    assert found.summary["contacts"][0]["force"][1] == pytest.approx(0.6 * G, rel=1e-8)
+    assert (found.summary["energy_drift"], found.warnings) == (0.0, [])

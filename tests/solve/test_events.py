@@ -28,6 +28,13 @@ def run(t_end: float = 2.0, method: str = "radau5", element: Any = None, **more:
         "output": {"interval": 0.1, "probes": {"end": "bar@1"}}, **more})
 
 
+def test_no_event_is_an_empty_list_where_the_case_has_conditions() -> None:
+    push = {"name": "push", "type": "force", "at": "bar@0", "value": [3, 0]}
+    late = run(0.1, loads=[{**push, "active": {"after": "end.ux > 9"}}])
+    assert (late.summary["events"], "event" in str(late)) == ([], False)
+    assert "events" not in run(0.1, loads=[push]).summary
+
+
 @pytest.mark.slow_rows("DOP853")
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "DOP853"])
 def test_a_force_acts_for_a_while(method: str) -> None:

@@ -136,6 +136,21 @@ def test_bars_in_one_line_give_way_when_their_end_moves_in(tmp_path: Path) -> No
     assert found["probes"]["tip"]["theta"] == pytest.approx(math.acos(0.6), rel=1e-9)
 
 
+@pytest.mark.slow_rows("20", "22", "30")
+@pytest.mark.parametrize("links", [12, 20, 22, 30])
+def test_chains_drawn_level_sag_where_their_end_moves_in(tmp_path: Path, links: int) -> None:
+    """Links of weight w: moments about the joints of one, n links from the middle, give tan(theta) = n w/H."""
+    case = chain(links, 0.0, {"type": "rigid"})
+    case["boundary_conditions"] = [PIN, {"name": "end", "type": "prescribed", "at": f"l{links - 1}@1", "uy": 0,
+                                         "ux": {"type": "ramp", "scale": -0.2}}]
+    case["output"] = {"probes": {"mid": f"l{links // 2}@0"}}
+    from_middle = links / 2 - np.arange(links) - 0.5
+    over_weight = brentq(lambda h: np.mean(1.0 / np.hypot(1.0, from_middle / h)) - 0.8, 1e-3, 1e3)
+    slopes = from_middle / np.hypot(from_middle, over_weight)
+    sag = slopes[:links // 2].sum() / links
+    assert solved(tmp_path, **case)["probes"]["mid"]["y"] == pytest.approx(-sag, rel=1e-9)
+
+
 @pytest.mark.slow
 def test_a_load_on_a_rope_from_a_crane_starts_to_move_from_rest(tmp_path: Path) -> None:
     """Three bodies: nothing moves from the static state, which is the one found when everything was drawn level."""

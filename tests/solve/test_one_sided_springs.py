@@ -11,7 +11,8 @@ import pytest
 from motions import ride, rigid
 from scipy.integrate import solve_ivp
 
-from ancf2d.errors import CaseError
+import ancf2d
+from ancf2d.errors import CaseError, ComputationError
 
 SECTION = {"EA": 1e4, "EI": 1, "kGA": 1e4, "rhoA": 1, "rhoI": 1e-4}
 ARMS = {"a": h.body(h.line(1.0), h.element("reissner3", 2), SECTION),
@@ -52,6 +53,20 @@ def test_a_spring_acts_on_its_side_alone(name, spring, tip):
                          bc=[{"type": "pin", "at": "b@0"}], springs=[always, {**always, **spring}], loads=[load])
         moved = found.u("b@1")[1] if name == "translational" else found.theta("b@1")
         assert moved == pytest.approx(wanted, rel=3e-3), force
+
+
+@pytest.mark.parametrize("name", ["translational", "rotational"])
+def test_a_load_that_its_only_spring_does_not_resist_is_told(name):
+    between = ["b@1", [1, -5]] if name == "translational" else [[0, 0], "b@0"]
+    case = {"bodies": {"b": h.body(h.line(1.0), h.element("reissner3", 1), SECTION)}, "solver": STATIC,
+            "boundary_conditions": [{"type": "pin", "at": "b@0"}],
+            "springs": [{"type": name, "between": between, "stiffness": 1.0, "only": "tension"}],
+            "loads": [{"type": "force", "at": "b@1", "value": [0, -0.03]}]}
+    with pytest.raises(ComputationError) as error:
+        ancf2d.solve(case)
+    assert error.value.failure.advice.startswith("loads in the direction in which springs.0 resists, since nothing")
+    case["loads"][0]["value"] = [0, 0.03]
+    assert ancf2d.solve(case).status == "converged"
 
 
 def test_a_folded_antenna_unfolds_against_its_stops():

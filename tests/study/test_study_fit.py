@@ -281,6 +281,14 @@ def test_a_file_of_something_else_is_told_once(tmp_path: Path) -> None:
         read_data(str(tmp_path / "data.csv"))
 
 
+def test_columns_without_a_value_and_infinite_numbers_are_named() -> None:
+    data = {"factor": [0.5, 1.0], "tip.ux": [math.nan, math.nan], "tip.uy": [-1.0, math.inf], "tip.x": [1.0, math.nan]}
+    with pytest.raises(CaseError) as found:
+        data_of(data)
+    assert [p.message for p in found.value.problems] == [
+        "column tip.ux has no value", "column tip.uy holds an infinite number"]
+
+
 def test_fits_from_python_solve_on() -> None:
     data = path_of(1250.0, 0.0, [0.5, 1.0])
     found = ancf2d.fit(BENT, data, {EI: (100.0, 1e4)})

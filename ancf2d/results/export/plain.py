@@ -37,7 +37,7 @@ def write_csv(results: Results, path: Path, done: Done) -> None:
     if len(columns) < 2:
         advice = ("'ancf2d plot FILE.h5 --data FILE.csv' writes the numbers of its figures, a suffix .json its tables"
                   if not results.nt else "name points under output.probes in the case and run it again")
-        raise ResultsError(f"'{results.path}' holds no values of probes; {advice}")
+        raise ResultsError(f"{results.called} holds no values of probes; {advice}")
     count = len(next(iter(columns.values())))
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
@@ -75,7 +75,7 @@ def write_json(results: Results, path: Path, done: Done) -> None:
 def matrices(results: Results) -> dict[str, Any]:
     """Return A, B, C, D and the lists inputs, outputs, states. Raises ResultsError if there is no linear model."""
     if "state_space/A" not in results.arrays:
-        raise ResultsError(f"'{results.path}' holds no linear model; solver state_space makes one")
+        raise ResultsError(f"{results.called} holds no linear model; solver state_space makes one")
     found: dict[str, Any] = {name: results.array(f"state_space/{name}") for name in "ABCD"}
     for table, column in NAMES.items():
         found[table] = [str(name) for name in results.tables[table][column]]

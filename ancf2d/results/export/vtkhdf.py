@@ -129,7 +129,7 @@ def make_parts(results: Results) -> list[Part]:
     """Return the bodies of a result file as parts of one grid. Raises ResultsError if it has none."""
     bodies = list(results.bodies.values())
     if not bodies:
-        raise ResultsError(f"'{results.path}' holds no bodies to draw")
+        raise ResultsError(f"{results.called} holds no bodies to draw")
     elements, parts, first = sum(len(b.dofs) for b in bodies), [], 0
     for number, body in enumerate(bodies):
         last = len(body.sample_xi) - 1

@@ -110,8 +110,10 @@ class Balance:
         if row.kind != INSIDE:
             floor = self._floor(self.external(row.side)) if self.varies else self.floor
             self.numbers[2] = max(self.numbers[2], floor)
-            self.numbers[1] = max(self.numbers[1], abs(total - self.numbers[0]))
-            self.numbers[4] = max(self.numbers[4], total - self.numbers[0])
+            change = total - self.numbers[0]
+            if abs(change) > floor:
+                self.numbers[1] = max(self.numbers[1], abs(change))
+                self.numbers[4] = max(self.numbers[4], change)
             self.numbers[2] = max(self.numbers[2], kinetic + strain)
         work = row.work + given - float(self.numbers[3]) + dead + potential
         return {"kinetic": kinetic + carried, "strain": strain + kept, "potential": potential + lifted,
@@ -296,7 +298,7 @@ class Run:
             "method": self.stepper.method.name, "steps": int(numbers[COUNT]), "rejected": int(numbers[REJECTED]),
             "energy_drift": self.balance.drift, "momentum": {"linear": [px, py], "angular": h}}
         found = self.stepper.events.report()
-        if found:
+        if found is not None:
             state.report["events"] = found
         self.stepper.impacts.tell(state)
         if self.inverted is not None:

@@ -290,11 +290,14 @@ class Events:
 
     # ------------------------------------------------------------------ report and checkpoint
 
-    def report(self) -> list[dict[str, Any]]:
-        """Return the events in order of time, by the names of the items in the case."""
+    def report(self) -> list[dict[str, Any]] | None:
+        """Return the events in order of time, by the names of the items in the case; None if the case asks for none."""
         out: list[dict[str, Any]] = []
         names = [name for name, _ in self.model.supports]
         case, t_end = self.model.case, self.motion.spec.t_end
+        items = (item for section in SWITCHED for item in getattr(case, section))
+        if case.solver.until is None and all(getattr(item, "active", None) is None for item in items):
+            return None
         for section in SWITCHED:
             for k, item in enumerate(getattr(case, section)):
                 active = getattr(item, "active", None)

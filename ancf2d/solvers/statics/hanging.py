@@ -43,9 +43,9 @@ LONGEST_WAIT = 32
 SHORTEST = 1e-15
 # beyond this many times the extent from the start, the model falls for ever
 FARTHEST_FALL = 100.0
-# number of steps for moving supports; sag given to links stretched out between them: as a share of the extent, and
-# uniform (0) or as a parabola (1)
-SUPPORT_STEPS = 40
+# number of steps for moving supports, and the share of one below which a shorter one is given up; sag given to links
+# stretched out between them: as a share of the extent, and uniform (0) or as a parabola (1)
+SUPPORT_STEPS, SHORTEST_SUPPORT_STEP = 40, 1e-4
 SAGS = (0.02, 0), (0.05, 1), (0.07, 1), (0.05, 0), (0.03, 1), (0.1, 1)
 
 FELL = ("no path of stable equilibria leads from the reference to the full load: the reported equilibrium is the one "
@@ -147,12 +147,9 @@ class _Relaxation:
         Raises ComputationError if it does not come to rest.
         """
         if self.model.moves:
-            first, *others = np.linspace(self.begin, self.t, SUPPORT_STEPS + 1)[1:].tolist()
             # moving supports do work, so that the potential need not fall
             self.checked = False
-            self._begin_support_motion(first)
-            for factor in others:
-                self._make_step(factor)
+            self._move_supports()
             self.checked = True
             self.turns = self.system.turns()
         wait = left = 0
@@ -276,6 +273,22 @@ class _Relaxation:
         pivots = system.factor({"factor": float(f"{self.t:.6g}")})
         return NewtonResult(self.d, balance.Q, balance.F, balance.energy, largest(balance.R), 0, [moved],
                             np.zeros(num.n_unknowns), pivots.negative - num.n_multipliers, moved)
+
+    def _move_supports(self) -> None:
+        """Move the supports to their places, in shorter and shorter steps where the model does not follow."""
+        whole = (self.t - self.begin) / SUPPORT_STEPS
+        self._begin_support_motion(self.begin + whole)
+        share, done = 1.0, 1.0
+        while done < SUPPORT_STEPS:
+            h, last = self.h, min(done + share, float(SUPPORT_STEPS))
+            try:
+                self._make_step(self.begin + last * whole)
+            except ComputationError:
+                share, self.h = 0.25 * share, h
+                if share < SHORTEST_SUPPORT_STEP:
+                    raise
+            else:
+                done, share = last, min(2.0 * share, 1.0)
 
     def _begin_support_motion(self, factor: float) -> None:
         """Make the first step of moving supports.

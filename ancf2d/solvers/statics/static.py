@@ -12,6 +12,7 @@ from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
 from ...model.breakpoints import case_stops
 from ...model.build import can_hang
+from ...model.determinacy import free_motions
 from ...model.model import Model
 from ...model.timing import PathTiming
 from ..contact import memory, restore_memory
@@ -343,8 +344,21 @@ class LoadSteps:
         if self.model.case.solver.timed:
             return ComputationError(f"no equilibrium was found at t = {t:.6g}: {f.reason}", at={"t": t},
                                     history=f.history, advice=f.advice or BEYOND)
+        sided = _springs_that_alone_hold(self.model) if t == 0.0 else []
+        if sided:
+            f.advice = (f"loads in the direction in which {', '.join(sided)} resist{'s' * (len(sided) == 1)}, since "
+                        "nothing else holds the model; or a weak spring that always acts")
         return ComputationError(
             f"no equilibrium was found beyond load factor {t:.6g}: {f.reason}", at={"step": number + 1, **f.at},
             history=f.history,
             advice=f.advice or "method: arc_length if this is a limit point; else more steps, or supports that leave "
             "no mechanism")
+
+
+def _springs_that_alone_hold(model: Model) -> list[str]:
+    """Return the paths of one-sided springs and tendons, if bodies could move freely without them."""
+    sided, others = ([s for s in model.springs if bool(s.breaks) == one] for one in (True, False))
+    if not sided or model.contacts:
+        return []
+    free = free_motions([*model.meshes.values()], model.rows, model.constraints, others, model.e0)
+    return [s.path for s in sided] if free else []
