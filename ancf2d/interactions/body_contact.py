@@ -42,8 +42,8 @@ SELF_DISTANCE = 1.0
 SEARCH_STEP = 0.05
 # length along which pressure fades at ends in motion, relative to that of a point, and to the size of the other body
 FADE, FADE_BESIDE = 1.0 / 3.0, 0.25
-# least turn [rad] of a corner at which the pressure fades like at an end
-TURN = 0.2
+# least turn [rad] and change of the height, relative to it, at which pressure fades in motion like at an end
+TURN, STEP = 0.1, 0.02
 # number of places along each curve for the geometry check in the reference
 STATIONS = 9
 
@@ -163,7 +163,7 @@ class BodyPair:
         self.s: Array = np.array([place_along(mesh, p) / mesh.plan.length for p in self.spots])
         # in statics equilibria need no continuous energy
         self.fades = not self.hard and rapid > 0.0
-        corners = corners_of(other, TURN) if self.fades and item.side == "surface" else []
+        corners = corners_of(other, TURN, STEP) if self.fades and item.side == "surface" else []
         arms = curves_of(other, item.side, self.follows, corners)
         self.curves, self.arms = list(chain(*arms)), [len(arm) for arm in arms]
         self._items()
@@ -269,11 +269,9 @@ class BodyPair:
             inside = np.bincount(arm, above & (x > p[0])) % 2 > 0
             if not inside.any():
                 continue
-            # of arms that overlap in a corner, one may hide a surface of the other
-            distance = _nearest(p, a, b)[0]
-            depth = max(float(distance[arm == k].min()) for k in np.flatnonzero(inside)) - off
+            depth = max(_nearest(p, a[arm == k], b[arm == k])[0].min() for k in np.flatnonzero(inside)) - off
             if depth > deepest:
-                deepest, at = depth, s
+                deepest, at = float(depth), s
         return deepest, at
 
     def _self_overlap(self, d: Array | None) -> tuple[float, float]:

@@ -231,15 +231,22 @@ def curves_of(mesh: BodyMesh, side: str, follows: Mapping[int, Any], corners: Se
     return out
 
 
-def corners_of(mesh: BodyMesh, least: float) -> list[int]:
-    """Return the first element after each corner of a body that turns by more than ``least`` [rad]."""
+def corners_of(mesh: BodyMesh, turn: float, step: float = math.inf) -> list[int]:
+    """Return the first element after each place where a body turns [rad], or its height changes, by more than this.
+
+    The change of the height is relative to it.
+    """
     out = []
     for after, _ in mesh.seams:
         before, k = mesh.piece_of((after - 1) % mesh.plan.count)
-        turn = float(before.position(before.l * (k + 1))[1]) - float(mesh.angles[after])
-        if abs(math.remainder(turn, 2.0 * math.pi)) > least:
+        angle = float(before.position(before.l * (k + 1))[1]) - float(mesh.angles[after])
+        if abs(math.remainder(angle, 2.0 * math.pi)) > turn:
             out.append(after)
-    return out
+    if step < math.inf and mesh.plan.varying is not None:
+        heights = np.array([height_along(mesh, ie) for ie in range(len(mesh.dofs))])
+        changes = np.abs(heights @ (1.0, -1.0, 1.0) - np.roll(heights.sum(axis=1), 1))
+        out += [k for k in np.flatnonzero(changes > step).tolist() if k > 0 or mesh.plan.closed]
+    return sorted(set(out))
 
 
 def _arms(mesh: BodyMesh, corners: Sequence[int]) -> list[list[int]]:

@@ -64,6 +64,8 @@ from .points import fields_of_first, fields_of_item, weights_of_item
 
 # largest cosine between outward normals of faces that may touch where pressure does not fade; of a corner and a surface
 FACE_COSINE, CORNER_COSINE = -0.3, 0.5
+# results of ``_place_beyond``
+AT_END, ON_NEXT, IN_GAP = range(3)
 # equal positions, and energies
 SAME, SAME_ENERGY = 1e-6, 1e-9
 # instead of a distance, for ``face``: that at which each point may have a force; the same, but any distance for points
@@ -122,15 +124,19 @@ def _may_touch(par, other, s, nx, ny, tx, ty):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _is_on_next(table, arm, c, found, rx, ry, none):  # type: ignore[no-untyped-def]
-    """Return whether the curve that continues c has the foot point of a point at R from the end ``found`` of c."""
+def _place_beyond(table, arm, c, found, x, y, cx, cy, bx, by, none):  # type: ignore[no-untyped-def]
+    """Return where (x, y) is beyond the end ``found`` of curve c, at (cx, cy) with the derivative (bx, by): AT_END,
+    opposite to the curve that continues it (ON_NEXT), or IN_GAP between both, outside of a blunt corner.
+    """
     first, n = table.first[arm], table.first[arm + 1] - table.first[arm]
     # first the curves of each face, then the ends
     n -= 2 if table.curve[first + n - 1, SPAN] == 0.0 else 0
     n, step = n // 2, 1 if found == AT_LAST else -1
     k = first + (c - first) // n * n + ((c - first) % n + step) % n
-    _, _, tx, ty, _, _ = _trace_at(table.curve[k], table.now[table.at[k, 2]:], none, -1.0 * step)
-    return step * (rx * tx + ry * ty) > 0.0
+    px, py, tx, ty, _, _ = _trace_at(table.curve[k], table.now[table.at[k, 2]:], none, -1.0 * step)
+    if step * ((x - px) * tx + (y - py) * ty) > 0.0:
+        return ON_NEXT
+    return IN_GAP if step * ((px - cx) * bx + (py - cy) * by) > SAME * (bx * bx + by * by) else AT_END
 
 
 @inner
@@ -143,7 +149,7 @@ def _try_curve(table, arm, c, par, other, none, x, y, tx, ty, z, best):  # type:
     squared, squared depth with the share of it that counts for the energy where pressure fades).
     """
     fields, found = table.now[table.at[c, 2]:], WITHIN
-    z = _foot_point(other, fields, none, x, y, z)
+    foot = z = _foot_point(other, fields, none, x, y, z)
     if z < -PAST_END:
         z, found = -1.0, AT_FIRST
     elif z > PAST_END:
@@ -169,14 +175,20 @@ def _try_curve(table, arm, c, par, other, none, x, y, tx, ty, z, best):  # type:
     if inside and other[DEEPEST]**2 < D:
         return False
     fades = other[FADE] > 0.0 and other[BOTH_SIDES] == 0.0
-    if fades and inside and found != WITHIN and _is_on_next(table, arm, c, found, rx, ry, none):
-        return False
+    depth = math.sqrt(D)
+    if fades and inside and found != WITHIN:
+        beyond = _place_beyond(table, arm, c, found, x, y, cx, cy, bx, by, none)
+        if beyond == ON_NEXT:
+            return False
+        if beyond == IN_GAP:
+            # the faces of both arms extend into it
+            z, found, depth = foot, WITHIN, -nx * rx - ny * ry
     if not _may_touch(par, other, other[START] + 0.5 * (z + 1.0) * other[SPAN], nx, ny, tx, ty):
         return False
     best[0], best[1], best[2], best[6] = D, z, found, 0.0
     if fades and inside:
         face, end = _cosines(par, other, nx, ny, tx, ty)
-        best[6] = D * _share_of_energy(other, -math.sqrt(D), z, face + end)
+        best[6] = depth * depth * _share_of_energy(other, -depth, z, face + end)
     return True
 
 
