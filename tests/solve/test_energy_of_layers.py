@@ -152,6 +152,22 @@ def test_a_block_that_slides_off_the_end_of_a_plank_keeps_its_energy(order, elem
     assert drift(sliding(order, element, friction), 0.2) < 1e-4
 
 
+@pytest.mark.parametrize("name", ["vallejo", pytest.param("2d2n", marks=pytest.mark.slow)])
+def test_the_end_of_a_body_rubs_alike_with_all_kinds_of_sections(name):
+    """The place on an end is the height in the section, also where positions across it are interpolated."""
+    def lost(element: str) -> float:
+        post = strip([0.5, 0.0099], [0.5, 0.2], h.element(element, 2), 0.02)
+        found = ancf2d.solve({
+            "bodies": {"plank": leaf(1.0), "post": post | {"material": SOFT}},
+            "boundary_conditions": [{"type": "clamp", "at": at} for at in ("plank@0", "plank@1")],
+            "loads": [{"type": "gravity", "value": [3.0, -9.81]}],
+            "contacts": [{"between": ["post", "plank"], "law": {"stiffness": 1e5, "damping": 100}, "friction": 0.6}],
+            "solver": {"type": "dynamic", "t_end": 0.1, "tolerance": 1e-4, "estimate": False}})
+        return float(found.energies["dissipated"][-1])
+
+    assert lost(name) == pytest.approx(lost("cable"), rel=0.05)
+
+
 @pytest.mark.slow
 def test_a_soft_whip_that_strikes_its_own_arm_keeps_its_energy():
     path = {"type": "path", "start": [0, 0], "pieces": [{"line": 0.35}, {"arc": 0.1, "angle": np.pi}, {"line": 0.3}]}
