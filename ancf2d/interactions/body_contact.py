@@ -163,8 +163,8 @@ class BodyPair:
         self.s: Array = np.array([place_along(mesh, p) / mesh.plan.length for p in self.spots])
         # in statics equilibria need no continuous energy
         self.fades = not self.hard and rapid > 0.0
-        corners = corners_of(other, TURN, STEP) if self.fades and item.side == "surface" else []
-        arms = curves_of(other, item.side, self.follows, corners)
+        corners = [] if self.hard or item.side == "axis" else corners_of(other, TURN, STEP)
+        arms = curves_of(other, item.side, self.follows, corners, self.fades)
         self.curves, self.arms = list(chain(*arms)), [len(arm) for arm in arms]
         self._items()
 

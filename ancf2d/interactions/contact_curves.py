@@ -215,20 +215,27 @@ class Curve(NamedTuple):
     dofs: Index
 
 
-def curves_of(mesh: BodyMesh, side: str, follows: Mapping[int, Any], corners: Sequence[int] = ()) -> list[list[Curve]]:
+def curves_of(mesh: BodyMesh, side: str, follows: Mapping[int, Any], corners: Sequence[int] = (), fades: bool = False
+              ) -> list[list[Curve]]:
     """Return the curves of a body that may be touched: its faces and ends, or its axis; ``follows`` as in ``moves``.
 
-    At ``corners``, the first elements after them, its surfaces end, and each arm has curves of its own.
+    Surfaces have other numbers after each of the ``corners``, given by the first element after it. If the pressure
+    ``fades``, they end there, and each arm has curves of its own.
     """
-    out, number = [], itertools.count(1.0)
-    for arm in _arms(mesh, corners):
-        whole = mesh.plan.closed and not corners
-        curves = [curve for eta in levels_of(mesh, side)
-                  for curve in _face(mesh, arm, eta, side, follows, whole, next(number))]
-        if side == "surface" and not whole:
-            curves += [_end(mesh, ie, z, follows, next(number)) for ie, z in ((arm[0], -1.0), (arm[-1], 1.0))]
+    out, lengths = [], mesh.lengths
+    for k, arm in enumerate(_arms(mesh, corners)):
+        beyond = lengths[:arm[0]].sum(), lengths[arm[-1] + 1:].sum()
+        if fades and corners:
+            beyond = 0.0, 0.0
+        elif mesh.plan.closed:
+            beyond = math.inf, math.inf
+        curves = [curve for j, eta in enumerate(levels_of(mesh, side), 1)
+                  for curve in _face(mesh, arm, eta, side, follows, beyond, 4.0 * k + j)]
+        for j, (ie, z) in enumerate(((arm[0], -1.0), (arm[-1], 1.0))):
+            if side == "surface" and beyond[j] == 0.0:
+                curves.append(_end(mesh, ie, z, follows, 4.0 * k + 3.0 + j))
         out.append(curves)
-    return out
+    return out if fades else [list(itertools.chain(*out))]
 
 
 def corners_of(mesh: BodyMesh, turn: float, step: float = math.inf) -> list[int]:
@@ -266,19 +273,19 @@ def _curve(mesh: BodyMesh, ie: int, rows: Array, kind: int, offset: Array, **con
     return Curve(par, rows, rows @ mesh.e0[mesh.dofs[ie] - mesh.first_dof], mesh.dofs[ie])
 
 
-def _face(mesh: BodyMesh, arm: list[int], eta: float, side: str, follows: Mapping[int, Any], whole: bool,
-          number: float) -> list[Curve]:
-    """Return the curves of one face of an arm, or of its axis; ``whole``: it has no ends."""
+def _face(mesh: BodyMesh, arm: list[int], eta: float, side: str, follows: Mapping[int, Any],
+          beyond: tuple[float, float], number: float) -> list[Curve]:
+    """Return the curves of one face of an arm, or of its axis; the surface has lengths [m] ``beyond`` its ends."""
     lower = side == "surface" and eta == levels_of(mesh, side)[0]
     lengths, out = mesh.lengths[arm], list[Curve]()
     for k, ie in enumerate(arm):
         rows, own, kind = curve_rows(mesh, ie, eta)
-        before, after = (math.inf, math.inf) if whole else (lengths[:k].sum(), lengths[k + 1:].sum())
         held = 0.0
         if follows:
             held = sum(part for part, z in ((1.0, -1.0), (2.0, 1.0)) if not moves(mesh, Spot(ie, z, eta, 0.0), follows))
-        out.append(_curve(mesh, ie, padded(rows, own, _terms(mesh)), kind, offset_of(mesh, ie, eta), BEFORE=before,
-                          AFTER=after, HALF=0.5 * lengths[k], SIGN=-1.0 if lower else 1.0, START=mesh.starts[ie],
+        out.append(_curve(mesh, ie, padded(rows, own, _terms(mesh)), kind, offset_of(mesh, ie, eta),
+                          BEFORE=beyond[0] + lengths[:k].sum(), AFTER=beyond[1] + lengths[k + 1:].sum(),
+                          HALF=0.5 * lengths[k], SIGN=-1.0 if lower else 1.0, START=mesh.starts[ie],
                           SPAN=lengths[k], SUPPORTED_PART=held, NUMBER=number))
     return out
 
