@@ -205,8 +205,14 @@ def _settled(model: Model, d: Array, turned: Array | None) -> Array:
     The forces that d does not balance with layers as in statics, as loads may change at t = 0, act on. Equilibria are
     not found without a law, nor under loads that depend on the motion.
     """
-    from ..statics.newton import MAX_ITERATIONS, TOLERANCE, Start, equilibrium_near, negative_pivots
-    from ..stored_states import equilibrium_at
+    from ..statics.newton import (
+        MAX_ITERATIONS,
+        TOLERANCE,
+        Start,
+        equilibrium_at,
+        equilibrium_near,
+        negative_pivots,
+    )
     from ..system import System
 
     soft = not any(pair.hard for pair in model.contacts) and any(pair.on_bodies for pair in model.contacts)
