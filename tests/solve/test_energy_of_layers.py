@@ -33,6 +33,8 @@ ROD = strip([-0.25, 0], [0.25, 0])
 # its height is halved in the middle
 HALVED = {"s": [0, 0.5, 0.5, 1], "value": [0.03, 0.03, 0.015, 0.015]}
 STEPPED = strip([-0.25, 0], [0.25, 0], h.element("cable", 2), HALVED)
+RING = h.body({"type": "path", "start": [0, 0], "pieces": [{"arc": 0.15, "angle": 2 * np.pi}], "closed": True},
+              h.element("cable", 12), {"height": HALVED, "width": 0.02}, RUBBER)
 
 
 def thrown(x: float, y: float, angle: float, velocity: tuple[float, float], spin: float, one: Any = ROD
@@ -117,7 +119,7 @@ def largest_jump(model: Any, start: np.ndarray, end: np.ndarray) -> tuple[float,
 
 # a body, and a place at its surface
 SURFACES = {"end": (ROD, [0.25, 0.015]), "corner": (angle_of(90.0), [0.0, 0.0]), "blunt": (angle_of(30.0), [0.0, 0.01]),
-            "sharp": (angle_of(-150.0), [0.0, 0.0]), "step": (STEPPED, [0.0, 0.011])}
+            "sharp": (angle_of(-150.0), [0.0, 0.0]), "step": (STEPPED, [0.0, 0.011]), "ring": (RING, [0.0, 0.011])}
 
 
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(2, 8))])
