@@ -6,6 +6,7 @@ import math
 import os
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -47,7 +48,8 @@ def initial_motion(model: Model) -> tuple[Array, Array, Array]:
     elif initial.from_ != "rest":
         d[:n_q], v[:n_q], turned = _from_file(model, initial.from_)
         if _is_static(model, initial.from_):
-            d[:n_q] = _settled(model, d[:n_q], turned)
+            with suppress(CaseError, ComputationError):
+                d[:n_q] = _settled(model, d[:n_q], turned)
     e = model.e0 + d[:n_q]
     v[:n_q] = _rates(model, initial, e, v[:n_q])
     return d, v, model.turns.from_reference(d) if turned is None else turned
@@ -203,7 +205,7 @@ def _settled(model: Model, d: Array, turned: Array | None) -> Array:
     """Return the displacements (n_q,) of the equilibrium beside d with layers as in motion, else d.
 
     The forces that d does not balance with layers as in statics, as loads may change at t = 0, act on. Equilibria are
-    not found without a law, nor under loads that depend on the motion.
+    not sought without a law, nor under loads that depend on the motion, and bodies may have lost their supports.
     """
     from ..statics.newton import (
         MAX_ITERATIONS,
@@ -230,7 +232,8 @@ def _settled(model: Model, d: Array, turned: Array | None) -> Array:
     turned = whole.model.turns.from_reference(full) if turned is None else turned
     at = equilibrium_at(whole, 1.0, full, turned, False).d
     fading.balancing_forces = whole.forces(at, 1.0).R
-    near = equilibrium_near(fading, Start(at, negative_pivots(fading, at, 1.0), turned), 1.0, TOLERANCE, MAX_ITERATIONS)
+    start = Start(at, negative_pivots(fading, at, 1.0), turned)
+    near = equilibrium_near(fading, start, 1.0, TOLERANCE, MAX_ITERATIONS)
     return d if near is None else near.d[:model.n_q]
 
 
