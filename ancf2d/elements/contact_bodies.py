@@ -18,6 +18,7 @@ from .contact_gaps import (
     END,
     FOOT_KIND,
     LOOP,
+    NUMBER,
     SIDE,
     SURFACE,
     WITHIN,
@@ -30,7 +31,6 @@ from .contact_gaps import (
     place_on,
     place_opposite,
     shares_at,
-    surface_of,
     tangent_row,
 )
 from .contact_geometry import (
@@ -61,7 +61,7 @@ from .point_laws import PointLaw, work_matrix, work_vector
 
 def slip_from_anchor(other, mem, place, unit):  # type: ignore[no-untyped-def]
     """Return the slip from the friction anchor to a place, or 0 if the anchor is on another surface."""
-    return unit * distance_along(other[LOOP], place, mem[ANCHOR]) if mem[SURFACE] == surface_of(other) else 0.0
+    return unit * distance_along(other[LOOP], place, mem[ANCHOR]) if mem[SURFACE] == other[NUMBER] else 0.0
 
 
 def foot_derivatives(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, bent):  # type: ignore[no-untyped-def]

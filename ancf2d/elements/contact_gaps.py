@@ -48,9 +48,11 @@ from .contact_geometry import (
 # (and POSE, which is STILL); SIGN of its outside (1 left of its direction, -1 right); its START (S in m) and SPAN [m]
 # along the body; the lengths [m] of the surface BEFORE and AFTER it (inf: the body is closed) and HALF of its own; z of
 # the element if it is an END of the body (0 along the body), with the height of its middle and half of its height
-# (END_MIDDLE, END_HALF); the SUPPORTED_PART, held by supports in a motion (1: its first end, 2: its last one, 4: all)
-SIGN, START, SPAN, BEFORE, AFTER, HALF, END, END_MIDDLE, END_HALF, SUPPORTED_PART = *range(5, 12), 13, 14, 15
-CURVE_SIZE = 16
+# (END_MIDDLE, END_HALF); the SUPPORTED_PART, held by supports in a motion (1: its first end, 2: its last one, 4: all);
+# and the NUMBER of its surface
+SIGN, START, SPAN, BEFORE, AFTER, HALF, END = range(5, 12)
+END_MIDDLE, END_HALF, SUPPORTED_PART, NUMBER = range(13, 17)
+CURVE_SIZE = 17
 # then of the point: its DEEPEST allowed penetration, S [m] of it (POINT_S) and the length POINT_SPAN of its element,
 # the LEAST_DISTANCE along the body below which places are too near to touch (with the length OWN_LOOP of a closed
 # body), the end whose CORNER it is, whether it touches only places further ONWARD, whether it touches BOTH_SIDES, into
@@ -62,7 +64,7 @@ CURVE_SIZE = 16
  SUPPORTED_POINT, FADE) = range(CURVE_SIZE, CURVE_SIZE + 12)
 BODY_SIZE = CURVE_SIZE + 12
 # mem: z of the FOOT point; the FOOT_KIND: within the curve or at an end (constants below); the SIDE of an axis that the
-# point is on; and the SURFACE (``surface_of``) that friction holds it on, at the place ANCHOR
+# point is on; and the NUMBER of the SURFACE that friction holds it on, at the place ANCHOR, or 0
 FOOT, FOOT_KIND, SIDE, SURFACE = range(MEMORY, MEMORY + 4)
 BODY_MEMORY = MEMORY + 4
 NOWHERE, WITHIN, AT_FIRST, AT_LAST = 0.0, 1.0, 2.0, 3.0
@@ -83,9 +85,10 @@ REACH = 1.5
 class Facing(NamedTuple):
     """Points that may touch bodies, and the curves of these bodies, as flat arrays.
 
-    item, way : (k,) its number among the point laws, and the set of curves it may touch; own : (k, 2) number of its own
-    fields and coordinates; first : (ways + 1,) where the curves of each set start, tree : (ways + 1,) where
-    its tree starts; curve : (curves, CURVE_SIZE) constants of a curve; sizes : (curves, 2) its fields and coordinates;
+    item, way : (k,) its number among the point laws, and the body it may touch; own : (k, 2) number of its own
+    fields and coordinates; arms : (ways + 1,) where the arms of each body start; first : (arms + 1,) where the curves
+    of each arm start, tree : (arms + 1,) where its tree starts; curve : (curves, CURVE_SIZE) constants of a curve;
+    sizes : (curves, 2) its fields and coordinates;
     at : (curves, 3) where its entries of dofs, G and p0 start; now, chords : (curves, 5), boxes : (., 4) work arrays
     for fields, chords (``kernels.chords``) and the tree.
     """
@@ -93,6 +96,7 @@ class Facing(NamedTuple):
     item: Any
     way: Any
     own: Any
+    arms: Any
     first: Any
     tree: Any
     curve: Any
@@ -360,15 +364,10 @@ def foot_and_angle(par, p0, u, mem, g, nx, ny, z, own, work, across, rows):  # t
             rows[6, q] -= rows[3, q] / g
 
 
-def surface_of(other):  # type: ignore[no-untyped-def]
-    """Return a number for the surface of a body that a curve belongs to: face (-1, 1), end (-2, 2) or axis (3)."""
-    return 3.0 if other[BOTH_SIDES] > 0.0 else other[SIGN] if other[END] == 0.0 else 2.0 * other[END]
-
-
 def place_on(other, z, tx, ty):  # type: ignore[no-untyped-def]
     """Return the place of z on its surface (S [m], or z on an end), and the length of a unit of it."""
     size = np.sqrt(tx * tx + ty * ty)
-    if other[END] != 0.0:
+    if other[SPAN] == 0.0:
         return z, size
     return other[START] + 0.5 * (z + 1.0) * other[SPAN], 2.0 * size / other[SPAN]
 
@@ -383,7 +382,7 @@ def place_opposite(par, p0, u, mem, z, work, across):  # type: ignore[no-untyped
     other, m = par[OPPOSITE:], field_count(par)
     tx, ty, _, _ = curve_at(other, p0[m:], u[m:], z, work, across)
     place, unit = place_on(other, z, tx, ty)
-    return place, unit, surface_of(other)
+    return place, unit, other[NUMBER]
 
 
 def distance_along(loop, place, anchor):  # type: ignore[no-untyped-def]

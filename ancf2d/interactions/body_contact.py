@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from itertools import combinations, product
+from itertools import chain, combinations, product
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from ..model.mesh import BodyMesh, Index
 from .contact import STICK, TOUCH, Contact
 from .contact_curves import (
     Spot,
+    corners_of,
     curve_rows,
     curves_of,
     face_of,
@@ -41,6 +42,8 @@ SELF_DISTANCE = 1.0
 SEARCH_STEP = 0.05
 # length along which pressure fades at ends in motion, relative to that of a point, and to the size of the other body
 FADE, FADE_BESIDE = 1.0 / 3.0, 0.25
+# least turn [rad] and change of the height, relative to it, at which pressure fades in motion like at an end
+TURN, STEP = 0.1, 0.02
 # number of places along each curve for the geometry check in the reference
 STATIONS = 9
 
@@ -102,9 +105,9 @@ def body_pairs(item: Contact, name: str, one: BodyMesh, two: BodyMesh, extent: f
     at its corners. ``joined`` are the places along each [m] that joints connect, ``between`` is the number of movable
     points of each interval.
     """
-    soft, itself, places = item.law is not None, one is two, [*joined]
-    if itself:
-        places += [(s, s) for s in _sharp_corners(one)]
+    soft, itself = item.law is not None, one is two
+    # a body overlaps itself at a corner sharper than a right angle
+    places = [*joined, *((one.starts[k], one.starts[k]) for k in corners_of(one, 0.5 * math.pi) if itself)]
     follows = follows if itself or not soft else {}
     reach, out = [_excluded_length(one, s, two, t) for s, t in places], []
     for k, (mesh, other) in enumerate([(one, two)] if itself else [(one, two), (two, one)]):
@@ -128,23 +131,13 @@ def _spots(item: Contact, mesh: BodyMesh, whole: bool, between: int) -> list[Spo
         p for p in spots(mesh, "axis", False, False) if _is_end(mesh, p)]
 
 
-def _sharp_corners(mesh: BodyMesh) -> list[float]:
-    """Return the places [m] of corners sharper than a right angle, at which a body overlaps itself."""
-    out = []
-    for after, _ in mesh.seams:
-        before, k = mesh.piece_of((after - 1) % mesh.plan.count)
-        turn = float(before.position(before.l * (k + 1))[1]) - float(mesh.angles[after])
-        if abs(math.remainder(turn, 2.0 * math.pi)) > 0.5 * math.pi:
-            out.append(float(mesh.starts[after]))
-    return out
-
-
 class BodyPair:
     """Points of a body that may touch another one, or itself, as point laws: see ``contact.ContactPair``.
 
     ``whole``: whether it has points everywhere or only at corners. The coordinates and fields of an item are those of
     its point, followed by those of the curve opposite to it, which changes (``kernels.facing``). ``curves`` are those
-    of the other body, ``all_coordinates`` (k, n) all coordinates that an item can ever act on.
+    of the other body, ``arms`` how many of them each part of it has between corners where pressure fades, and
+    ``all_coordinates`` (k, n) all coordinates that an item can ever act on.
     """
 
     frame, fed, signal, size = None, -1, None, facing.BODY_MEMORY
@@ -168,7 +161,11 @@ class BodyPair:
         # the reported force is that on the first body named; a body that touches itself has none
         self.sign = 0.0 if item.between is None else 1.0 if item.between[0] == self.body else -1.0
         self.s: Array = np.array([place_along(mesh, p) / mesh.plan.length for p in self.spots])
-        self.curves = curves_of(other, item.side, self.follows)
+        # in statics equilibria need no continuous energy
+        self.fades = not self.hard and rapid > 0.0
+        corners = [] if self.hard or item.side == "axis" else corners_of(other, TURN, STEP)
+        arms = curves_of(other, item.side, self.follows, corners, self.fades)
+        self.curves, self.arms = list(chain(*arms)), [len(arm) for arm in arms]
         self._items()
 
     def with_points(self, item: Contact, mesh: BodyMesh, chosen: list[Spot]) -> BodyPair:
@@ -262,17 +259,19 @@ class BodyPair:
         turn = np.abs(cross(b[:-1] - a[:-1], b[1:] - a[1:])) * (np.hypot(*(b[:-1] - a[1:]).T) < 1e-12 * self.scale)
         off = float((turn / np.hypot(*(b - a).T)[:-1])[np.arange(1, len(a)) % (STATIONS - 1) > 0].max(initial=0.0))
         low, high = np.minimum(a, b).min(axis=0), np.maximum(a, b).max(axis=0)
+        arm = np.repeat(np.arange(len(self.arms)), np.array(self.arms) * (STATIONS - 1))
         for p, s in zip(self._places(d), self.s.tolist(), strict=True):
             if (p < low).any() or (p > high).any():
                 continue
             above = (a[:, 1] > p[1]) != (b[:, 1] > p[1])
             with np.errstate(divide="ignore", invalid="ignore"):
                 x = a[:, 0] + (p[1] - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
-            if np.count_nonzero(above & (x > p[0])) % 2 == 0:
+            inside = np.bincount(arm, above & (x > p[0])) % 2 > 0
+            if not inside.any():
                 continue
-            depth = float(_nearest(p, a, b)[0].min()) - off
+            depth = max(_nearest(p, a[arm == k], b[arm == k])[0].min() for k in np.flatnonzero(inside)) - off
             if depth > deepest:
-                deepest, at = depth, s
+                deepest, at = float(depth), s
         return deepest, at
 
     def _self_overlap(self, d: Array | None) -> tuple[float, float]:
@@ -333,7 +332,7 @@ class BodyPair:
         yields = float(pieces_along(self.against)) if self.hard and (
             corner == 1.0 if itself else not self.whole) else 0.0
         beside = FADE_BESIDE * min(opposite, other.length)
-        fade = 0.0 if self.hard or self.rapid == 0.0 else min(FADE * p.weight, beside)
+        fade = min(FADE * p.weight, beside) if self.fades else 0.0
         return [DEEPEST * (max(height, opposite) if fade else height), place_along(self.mesh, p),
                 float(self.mesh.lengths[p.ie]), SELF_DISTANCE * height if itself else 0.0, loop if itself else 0.0,
                 corner, float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"), yields, loop,
@@ -382,7 +381,7 @@ def facing_table(patches: Sequence[Any]) -> Facing:
             own += [pair.own] * count
         at += count
     curves = [c for pair in ways for c in pair.curves]
-    counts = [len(pair.curves) for pair in ways]
+    counts = [n for pair in ways for n in pair.arms]
     trees = [2 * n - 1 for n in counts]
 
     def whole(values: Any, shape: tuple[int, ...] = ()) -> Index:
@@ -392,7 +391,8 @@ def facing_table(patches: Sequence[Any]) -> Facing:
         return np.concatenate([np.zeros(0), *(p.ravel() for p in parts)]).astype(dtype)
     before = np.cumsum([[0, 0, 0], *([len(c.dofs), c.G.size, len(c.p0)] for c in curves)], axis=0)[:-1]
     p0 = joined([c.p0 for c in curves])
-    return Facing(whole(item), whole(way), whole(own, (2,)), whole(np.cumsum([0, *counts])),
+    return Facing(whole(item), whole(way), whole(own, (2,)), whole(np.cumsum([0, *(len(pair.arms) for pair in ways)])),
+                  whole(np.cumsum([0, *counts])),
                   whole(np.cumsum([0, *trees])), np.array([c.constants for c in curves]).reshape(-1, facing.CURVE_SIZE),
                   whole([(len(c.p0), len(c.dofs)) for c in curves], (2,)), whole(before, (3,)),
                   joined([c.dofs for c in curves], np.int64), joined([c.G for c in curves]), p0, np.zeros_like(p0),

@@ -20,10 +20,9 @@ from ..elements.shape import Array
 from ..model.mesh import BodyMesh, Index
 from ..model.point_patch import Items, PointConstraint
 from ..model.points import PointRef
+from .beam_curves import BeamCurve, beam_curve
 from .contact_curves import (
-    BeamCurve,
     Spot,
-    beam_curve,
     compliances_of,
     face_of,
     is_cubic,

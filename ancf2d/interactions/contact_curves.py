@@ -1,18 +1,8 @@
-"""Contact spots of bodies, and their curves there as polynomials of each element.
-
-In statics a hard contact point may be anywhere between the ends of an element. It touches with the curve that a beam
-has between them: the cubic through both ends, with the section directions there minus the mean shear of the element.
-With chord C = r_1 - r_0, directions T of the axis given by the sections and their mean T_m over the element,
-
-    r(x) = r_0 + x C + l (x (1 - x)^2 (T_0 - T_m) - x^2 (1 - x) (T_1 - T_m)),  x = 0..1.
-
-Under a force at x, the beam deflects by l^3 (x (1 - x))^3/3 EI + l x (1 - x)/kGA more (``elements.contact_sliding``),
-and the displacements of the ends agree with beam theory to the order of the element. A force on the element's own
-polynomial, with other third derivatives, would displace them with errors of order l^3.
-"""
+"""Contact spots of bodies, and their curves there as polynomials of each element."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,11 +15,8 @@ from ..elements import contact_geometry as geometry
 from ..elements.shape import Array, gauss
 from ..model.mesh import BodyMesh, Index
 
-# Gauss points of a compliant contact along an element and over the end of a body, and those for the mean direction
-ALONG, ACROSS, MEAN = 4, 3, 6
-# powers of z of x (1 - x)^2 and -x^2 (1 - x) at x = (1 + z)/2
-FIRST, LAST = np.array([1.0, -1.0, -1.0, 1.0]) / 8.0, np.array([-1.0, -1.0, 1.0, 1.0]) / 8.0
-CUBIC = 4
+# Gauss points of a compliant contact along an element and over the end of a body; powers of a cubic curve
+ALONG, ACROSS, CUBIC = 4, 3, 4
 
 
 @dataclass(frozen=True)
@@ -219,61 +206,6 @@ def touching_rows(mesh: BodyMesh, ie: int, eta: float, side: str, places_move: b
     return (rows[:2 * terms], terms, geometry.CURVE) if side == "axis" else (rows, terms, kind)
 
 
-class BeamCurve:
-    """The curve of a beam between the ends of an element, where it differs from the curve of the element.
-
-    For sections with a rotation, x and y contain -C_y h and C_x h in addition to a part that is linear in the
-    coordinates, ``linear`` (fields, n_dof). ``chord`` (2, n_dof) gives the chord C and ``bends`` (powers, n_dof) the
-    polynomial h of rotations; ``start``, ``c0`` and ``h0`` are their values in the reference.
-    """
-
-    def __init__(self, mesh: BodyMesh, ie: int, eta: float, side: str) -> None:
-        e, nc = mesh.e0[mesh.dofs[ie] - mesh.first_dof], mesh.plan.element.components
-        rows, wanted, _ = touching_rows(mesh, ie, eta, side, True)
-        axis, _, _ = touching_rows(mesh, ie, 0.0, "axis", True)
-        straight, bends = _chord(mesh, ie, wanted), np.zeros((wanted, mesh.plan.element.n_dof))
-        self.linear = rows.copy()
-        self.linear[:2 * wanted] += straight - axis
-        if mesh.plan.element.section_kind == "interpolated":
-            turned = _bends(mesh, ie, 1, wanted) * mesh.classes[mesh.cls[ie]].shape.l
-            # the direction along the axis is (r_y,y; -r_y,x)
-            self.linear[:wanted, 1::nc] += turned
-            self.linear[wanted:2 * wanted, 0::nc] -= turned
-        else:
-            bends[:, 2::nc] = _bends(mesh, ie, 0, wanted)
-        self.bends, self.chord = bends, 2.0 * straight[[1, wanted + 1]]
-        self.start, self.c0, self.h0 = self.linear @ e, self.chord @ e, bends @ e
-
-
-def beam_curve(mesh: BodyMesh, spot: Spot, side: str, places_move: bool) -> BeamCurve | None:
-    """Return the beam's curve for a free spot in statics, or None if it touches with the element's own curve."""
-    if not (places_move and spot.free) or mesh.plan.rigid or mesh.plan.element.section_kind == "tangent":
-        return None
-    return BeamCurve(mesh, spot.ie, spot.eta, side)
-
-
-def _chord(mesh: BodyMesh, ie: int, wanted: int) -> Array:
-    """Return the rows (2 wanted, n_dof) of a straight line between the ends of an element."""
-    element, shape, nc = mesh.plan.element, mesh.classes[mesh.cls[ie]].shape, mesh.plan.element.components
-    (first, last), out = shape(np.array([0.0, 1.0]), np.zeros(2), 0, 0), np.zeros((2 * wanted, element.n_dof))
-    for c in range(2):
-        out[c * wanted, c::nc], out[c * wanted + 1, c::nc] = 0.5 * (first + last), 0.5 * (last - first)
-    return out
-
-
-def _bends(mesh: BodyMesh, ie: int, across: int, wanted: int) -> Array:
-    """Return x (1 - x)^2 (f_0 - f_m) - x^2 (1 - x) (f_1 - f_m) as rows (wanted, shape functions) of powers of z.
-
-    f is an interpolated field, or its derivative across the section.
-    """
-    shape, (x, w) = mesh.classes[mesh.cls[ie]].shape, gauss(MEAN)
-    first, last = shape(np.array([0.0, 1.0]), np.zeros(2), 0, across)
-    mean = w @ shape(x, np.zeros(len(x)), 0, across)
-    out = np.zeros((wanted, len(mean)))
-    out[:CUBIC] = np.outer(FIRST, first - mean) + np.outer(LAST, last - mean)
-    return out
-
-
 class Curve(NamedTuple):
     """A curve of a body that may be touched: constants of its law (``contact_gaps``), and fields of its element."""
 
@@ -281,6 +213,96 @@ class Curve(NamedTuple):
     G: Array
     p0: Array
     dofs: Index
+
+
+def curves_of(mesh: BodyMesh, side: str, follows: Mapping[int, Any], corners: Sequence[int] = (), fades: bool = False
+              ) -> list[list[Curve]]:
+    """Return the curves of a body that may be touched: its faces and ends, or its axis; ``follows`` as in ``moves``.
+
+    Surfaces have other numbers after each of the ``corners``, given by the first element after it. If the pressure
+    ``fades``, they end there, and each arm has curves of its own.
+    """
+    out, lengths = [], mesh.lengths
+    for k, arm in enumerate(_arms(mesh, corners)):
+        beyond = lengths[:arm[0]].sum(), lengths[arm[-1] + 1:].sum()
+        if fades and corners:
+            beyond = 0.0, 0.0
+        elif mesh.plan.closed:
+            beyond = math.inf, math.inf
+        curves = [curve for j, eta in enumerate(levels_of(mesh, side), 1)
+                  for curve in _face(mesh, arm, eta, side, follows, beyond, 4.0 * k + j)]
+        for j, (ie, z) in enumerate(((arm[0], -1.0), (arm[-1], 1.0))):
+            if side == "surface" and beyond[j] == 0.0:
+                curves.append(_end(mesh, ie, z, follows, 4.0 * k + 3.0 + j))
+        out.append(curves)
+    return out if fades else [list(itertools.chain(*out))]
+
+
+def corners_of(mesh: BodyMesh, turn: float, step: float = math.inf) -> list[int]:
+    """Return the first element after each place where a body turns [rad], or its height changes, by more than this.
+
+    The change of the height is relative to it.
+    """
+    out = []
+    for after, _ in mesh.seams:
+        before, k = mesh.piece_of((after - 1) % mesh.plan.count)
+        angle = float(before.position(before.l * (k + 1))[1]) - float(mesh.angles[after])
+        if abs(math.remainder(angle, 2.0 * math.pi)) > turn:
+            out.append(after)
+    if step < math.inf and mesh.plan.varying is not None:
+        heights = np.array([height_along(mesh, ie) for ie in range(len(mesh.dofs))])
+        changes = np.abs(heights @ (1.0, -1.0, 1.0) - np.roll(heights.sum(axis=1), 1))
+        out += [k for k in np.flatnonzero(changes > step).tolist() if k > 0 or mesh.plan.closed]
+    return sorted(set(out))
+
+
+def _arms(mesh: BodyMesh, corners: Sequence[int]) -> list[list[int]]:
+    """Return the elements of each part of a body between corners and ends."""
+    count = len(mesh.dofs)
+    cuts = [*corners, corners[0] + count] if corners and mesh.plan.closed else [0, *corners, count]
+    return [[ie % count for ie in range(*cut)] for cut in itertools.pairwise(cuts)]
+
+
+def _curve(mesh: BodyMesh, ie: int, rows: Array, kind: int, offset: Array, **constants: float) -> Curve:
+    """Return a curve of an element with the constants that are named as in ``contact_gaps``."""
+    par = np.zeros(facing.CURVE_SIZE)
+    par[[geometry.SECTION, geometry.TERMS]] = kind, _terms(mesh)
+    par[[geometry.OFFSET, geometry.SLOPE, geometry.BULGE]] = offset
+    for name, value in constants.items():
+        par[getattr(facing, name)] = value
+    return Curve(par, rows, rows @ mesh.e0[mesh.dofs[ie] - mesh.first_dof], mesh.dofs[ie])
+
+
+def _face(mesh: BodyMesh, arm: list[int], eta: float, side: str, follows: Mapping[int, Any],
+          beyond: tuple[float, float], number: float) -> list[Curve]:
+    """Return the curves of one face of an arm, or of its axis; the surface has lengths [m] ``beyond`` its ends."""
+    lower = side == "surface" and eta == levels_of(mesh, side)[0]
+    lengths, out = mesh.lengths[arm], list[Curve]()
+    for k, ie in enumerate(arm):
+        rows, own, kind = curve_rows(mesh, ie, eta)
+        held = 0.0
+        if follows:
+            held = sum(part for part, z in ((1.0, -1.0), (2.0, 1.0)) if not moves(mesh, Spot(ie, z, eta, 0.0), follows))
+        out.append(_curve(mesh, ie, padded(rows, own, _terms(mesh)), kind, offset_of(mesh, ie, eta),
+                          BEFORE=beyond[0] + lengths[:k].sum(), AFTER=beyond[1] + lengths[k + 1:].sum(),
+                          HALF=0.5 * lengths[k], SIGN=-1.0 if lower else 1.0, START=mesh.starts[ie],
+                          SPAN=lengths[k], SUPPORTED_PART=held, NUMBER=number))
+    return out
+
+
+def _end(mesh: BodyMesh, ie: int, z: float, follows: Mapping[int, Any], number: float) -> Curve:
+    """Return the straight curve across the end z of an element."""
+    levels, height = levels_of(mesh, "surface"), mesh.plan.section.height
+    low, high = np.array(levels) * (height_along(mesh, ie) @ (1.0, z, 1.0))
+    rests = follows and not any(moves(mesh, Spot(ie, z, eta, 0.0), follows) for eta in levels)
+    place = {"SIGN": -z, "START": mesh.starts[ie] + (mesh.lengths[ie] if z > 0.0 else 0.0), "NUMBER": number,
+             "SUPPORTED_PART": 4.0 if rests else 0.0, "HALF": 0.25 * (high - low) * height}
+    rows, own, kind = curve_rows(mesh, ie, 0.0)
+    if kind == geometry.CURVE:
+        return _curve(mesh, ie, _across(mesh, ie, z, low, high), kind, np.zeros(3), **place)
+    below, above = 0.5 * low * height, 0.5 * high * height
+    return _curve(mesh, ie, padded(rows, own, _terms(mesh)), kind, np.zeros(3), **place, END=z,
+                  END_MIDDLE=0.5 * (below + above), END_HALF=0.5 * (above - below))
 
 
 def _across(mesh: BodyMesh, ie: int, z: float, low: float, high: float) -> Array:
@@ -298,103 +320,3 @@ def _across(mesh: BodyMesh, ie: int, z: float, low: float, high: float) -> Array
 def _terms(mesh: BodyMesh) -> int:
     """Return the number of powers of the curves of a body."""
     return 1 + max(_degree_along(mesh), mesh.plan.element.degree_y)
-
-
-def curves_of(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Curve]:
-    """Return the curves of a body that may be touched: its faces and ends, or its axis; ``follows`` as in ``moves``."""
-    out, count, levels, terms = [], len(mesh.dofs), levels_of(mesh, side), _terms(mesh)
-
-    def add(ie: int, rows: Array, kind: int, offset: Array, **constants: float) -> None:
-        par = np.zeros(facing.CURVE_SIZE)
-        par[[geometry.SECTION, geometry.TERMS, geometry.OFFSET, geometry.SLOPE, geometry.BULGE]] = kind, terms, *offset
-        for name, value in constants.items():
-            par[getattr(facing, name)] = value
-        out.append(Curve(par, rows, rows @ mesh.e0[mesh.dofs[ie] - mesh.first_dof], mesh.dofs[ie]))
-
-    for eta in levels:
-        for ie in range(count):
-            rows, own, kind = curve_rows(mesh, ie, eta)
-            start, span = float(mesh.starts[ie]), float(mesh.lengths[ie])
-            before, after = (math.inf, math.inf) if mesh.plan.closed else (
-                start, mesh.plan.length - start - span if ie < count - 1 else 0.0)
-            add(ie, padded(rows, own, terms), kind, offset_of(mesh, ie, eta), BEFORE=before,
-                AFTER=after, HALF=0.5 * span, SIGN=-1.0 if eta == levels[0] and side == "surface" else 1.0,
-                START=start, SPAN=span, SUPPORTED_PART=sum(
-                    k for k, z in ((1, -1.0), (2, 1.0)) if follows and not moves(mesh, Spot(ie, z, eta, 0.0), follows)))
-    if side == "surface" and not mesh.plan.closed:
-        for ie, z in ((0, -1.0), (count - 1, 1.0)):
-            low, high = np.array(levels) * (height_along(mesh, ie) @ (1.0, z, 1.0))
-            rests = follows and not any(moves(mesh, Spot(ie, z, eta, 0.0), follows) for eta in levels)
-            place = {"SIGN": -z, "START": 0.0 if z < 0.0 else mesh.plan.length, "SUPPORTED_PART": 4.0 if rests else 0.0,
-                     "HALF": 0.25 * (high - low) * mesh.plan.section.height}
-            rows, own, kind = curve_rows(mesh, ie, 0.0)
-            if kind == geometry.CURVE:
-                add(ie, _across(mesh, ie, z, low, high), kind, np.zeros(3), **place)
-            else:
-                below, above = 0.5 * low * mesh.plan.section.height, 0.5 * high * mesh.plan.section.height
-                add(ie, padded(rows, own, terms), kind, np.zeros(3), **place, END=z, END_MIDDLE=0.5 * (below + above),
-                    END_HALF=0.5 * (above - below))
-    return out
-
-
-class _StackedCurves:
-    """Points of a table whose curves have the same numbers of fields and coordinates, stacked for ``BeamCurves``."""
-
-    def __init__(self, items: list[int], patches: list[Any]) -> None:
-        curves = [patch.beam for patch in patches]
-        self.items = np.array(items)
-        wide, own = curves[0].linear.shape
-        given = [patch.items() for patch in patches]
-        self.dofs: Index = np.array([one.dofs[0][:own] for one in given])
-        self.own = np.array([one.G[0][:wide, :own] for one in given]), np.array([one.p0[0][:wide] for one in given])
-        self.linear, self.start, self.chord, self.bends, self.c0, self.h0 = (
-            np.array([getattr(curve, name) for curve in curves])
-            for name in ("linear", "start", "chord", "bends", "c0", "h0"))
-
-    def at(self, which: Index, own: Any, d: Array) -> tuple[Array, Array]:
-        """Return the rows (k, fields, n) and reference fields (k, fields) of points ``which`` at d (n_full,).
-
-        They are those of the element's curve for ``own`` points (k,), else of the beam's curve, linearised about d.
-        """
-        u, rows, start = d[self.dofs[which]], self.linear[which].copy(), self.start[which].copy()
-        chord, bends = self.chord[which], self.bends[which]
-        c, h = self.c0[which] + np.einsum("kcn,kn->kc", chord, u), self.h0[which] + np.einsum("kpn,kn->kp", bends, u)
-        count = h.shape[1]
-        for first, i, sign in ((0, 1, -1.0), (count, 0, 1.0)):
-            part, by_c = slice(first, first + count), sign * c[:, i, None]
-            of_bends, of_chord = by_c[..., None] * bends, sign * h[..., None] * chord[:, i, None]
-            rows[:, part] += of_bends + of_chord
-            start[:, part] += by_c * h - np.einsum("kpn,kn->kp", of_bends + of_chord, u)
-        return np.where(own[:, None, None], self.own[0][which], rows), np.where(own[:, None], self.own[1][which], start)
-
-
-class BeamCurves:
-    """The points of a table of point laws that touch with the curve of the beam or with that of the element."""
-
-    def __init__(self, patches: Sequence[Any]) -> None:
-        groups: dict[tuple[int, ...], tuple[list[int], list[Any]]] = {}
-        at = 0
-        for patch in patches:
-            curve = getattr(patch, "beam", None)
-            if curve is not None:
-                items, found = groups.setdefault(curve.linear.shape, ([], []))
-                items.append(at)
-                found.append(patch)
-            at += len(patch.items().p0)
-        self.groups = [_StackedCurves(*group) for group in groups.values()]
-
-    def write(self, points: Any, d: Array, unused: bool) -> None:
-        """Write the curves of points at displacements d (n_full,) to the table (``kernels.points.Points``); those of
-        ``unused`` points too, if asked for."""
-        for group in self.groups:
-            free = points.mem[group.items, geometry.PLACEMENT]
-            which: Index = np.flatnonzero(unused | (free > 0.0))
-            if not len(which):
-                continue
-            own = (free[which] == geometry.ON_ELEMENT) | (free[which] == geometry.UNUSED_ON_ELEMENT)
-            rows, start = group.at(which, own, d)
-            items, (wide, n) = group.items[which], rows.shape[1:]
-            fields = points.field[items + 1] - points.field[items]
-            points.p0[points.field[items][:, None] + np.arange(wide)] = start
-            points.G[points.entry[items][:, None, None] + np.arange(n) * fields[:, None, None]
-                     + np.arange(wide)[:, None]] = rows

@@ -1,4 +1,5 @@
-"""Detect contact points that pass through a body between two states and are outside it in both."""
+"""What contact points do not see: where a body is deepest in another one between them, and points that pass through a
+body between two states and are outside it in both."""
 
 from __future__ import annotations
 
@@ -8,18 +9,21 @@ import numpy as np
 
 from ..elements import contact_gaps
 from ..elements.contact_gaps import BOTH_SIDES, DEEPEST, FOOT_KIND, SIDE, WITHIN
-from ..elements.contact_geometry import HOME, OPPOSITE, PLACE, PLACEMENT, WORK
+from ..elements.contact_geometry import HALF_INTERVAL, HOME, OPPOSITE, PLACE, PLACEMENT, WORK
 from .chords import fill_curves
 from .compiled_laws import part
-from .facing import EVERY, face
-from .lowlevel.arrays import copy, vector
-from .lowlevel.jit import inner, kernel_with_memory, seldom
+from .facing import DEEP, EVERY, face, find_curve
+from .lowlevel.arrays import copy, numbers, vector
+from .lowlevel.jit import inner, kernel, kernel_with_memory, seldom
 from .points import fields_of_first, fields_of_item, is_inactive
 
 # fractions of the largest penetration allowed: largest motion between two samples, and penetration that counts as 0
 PART, SAME = 0.2, 1e-6
+# samples of an interval between contact points, and golden sections around the deepest one
+SAMPLES, SECTIONS, GOLDEN = 9, 40, 0.6180339887498949
 
-_line_at, _gap_between = part(contact_gaps.line_at), part(contact_gaps.gap_between)
+_line_at, _gap_between, _is_past_end = (part(f) for f in (
+    contact_gaps.line_at, contact_gaps.gap_between, contact_gaps.is_past_end))
 
 
 @inner
@@ -111,3 +115,56 @@ def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
     for k in range(n):
         points.mem[table.item[k], SIDE] = kept[k]
     return through
+
+
+@inner
+def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, waiting):  # type: ignore[no-untyped-def]
+    """Return the gap of point k at position z of its element, inf if it faces nothing or only an end."""
+    i = table.item[k]
+    points.mem[i, PLACE] = z
+    fields_of_item(points, i, d, u)
+    find_curve(table, points, k, u, z, np.inf, best, room, none, waiting)
+    if _is_past_end(points.par[i, OPPOSITE:], points.mem[i, FOOT_KIND]):
+        return np.inf
+    fields_of_item(points, i, d, u)
+    b, e = points.field[i], points.field[i + 1]
+    g = _gap_between(points.par[i], points.p0[b:e], u, points.mem[i], own, work, across)[0]
+    return np.inf if np.isnan(g) else g
+
+
+@kernel
+@seldom
+def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyped-def]
+    """Fill the largest penetration (depth) within the interval of each point that may move, and its position (place).
+
+    ``free`` (n,) : which points may move; depth (n,) is 0 if there is no maximum inside the interval. Call it after
+    ``face`` at d (n_full,).
+    """
+    u, none, best = vector(200), vector(200), vector(7)
+    own, work, across, room = vector(WORK), vector(WORK), vector(WORK), vector(points.par.shape[1])
+    waiting, g, kept = numbers(table.item, DEEP), vector(SAMPLES), vector(points.mem.shape[1])
+    for k in range(len(table.item)):
+        i = table.item[k]
+        depth[i] = 0.0
+        if not free[i]:
+            continue
+        copy(points.mem[i], kept)
+        points.mem[i, PLACEMENT] = 1.0
+        half, at = points.par[i, HALF_INTERVAL], 0
+        low, step = points.par[i, HOME] - half, 2.0 * half / (SAMPLES - 1)
+        for s in range(SAMPLES):
+            g[s] = _gap_from(table, points, k, d, low + s * step, u, best, room, none, own, work, across, waiting)
+            at = s if g[s] < g[at] else at
+        if 0 < at < SAMPLES - 1 and g[at] < 0.0:
+            # golden section search between the neighbours
+            a, e = low + (at - 1) * step, low + (at + 1) * step
+            for _ in range(SECTIONS):
+                one, two = e - GOLDEN * (e - a), a + GOLDEN * (e - a)
+                if _gap_from(table, points, k, d, one, u, best, room, none, own, work, across, waiting) < _gap_from(
+                        table, points, k, d, two, u, best, room, none, own, work, across, waiting):
+                    e = two
+                else:
+                    a = one
+            place[i] = 0.5 * (a + e)
+            depth[i] = -_gap_from(table, points, k, d, place[i], u, best, room, none, own, work, across, waiting)
+        copy(kept, points.mem[i])

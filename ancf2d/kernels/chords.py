@@ -29,8 +29,8 @@ def fill_curves(table, d, none):  # type: ignore[no-untyped-def]
                 s += table.G[entry + k * n + q] * d[table.dofs[dof + q]]
             table.now[field + k] = s
         _fill_chord(table.curve[c], table.now[field:], none, table.chords[c])
-    for way in range(len(table.tree) - 1):
-        first, n, root = table.first[way], table.first[way + 1] - table.first[way], table.tree[way]
+    for arm in range(len(table.tree) - 1):
+        first, n, root = table.first[arm], table.first[arm + 1] - table.first[arm], table.tree[arm]
         for k in range(n):
             x, y, dx, dy, off = table.chords[first + k]
             box, dx, dy = table.boxes[root + n - 1 + k], abs(dx) + off, abs(dy) + off

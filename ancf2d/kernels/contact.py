@@ -36,9 +36,9 @@ from ..elements.contact_geometry import (
     WORK,
 )
 from ..elements.contact_layer import sets_of, to_obstacle_frame
-from .body_passages import bodies_cross
+from .body_passages import bodies_cross, body_deepest
 from .compiled_laws import part
-from .facing import body_deepest, body_gaps, face
+from .facing import body_gaps, face
 from .lowlevel.arrays import vector
 from .lowlevel.jit import inner, kernel, seldom
 from .points import amplitude_of, fields_of_item

@@ -45,7 +45,6 @@ from ..elements.contact_geometry import (
     CLOSED,
     FACE,
     FRICTION,
-    HALF_INTERVAL,
     HOME,
     OPEN,
     OPPOSITE,
@@ -65,15 +64,15 @@ from .points import fields_of_first, fields_of_item, weights_of_item
 
 # largest cosine between outward normals of faces that may touch where pressure does not fade; of a corner and a surface
 FACE_COSINE, CORNER_COSINE = -0.3, 0.5
+# results of ``_place_beyond``
+AT_END, ON_NEXT, IN_GAP = range(3)
 # equal positions, and energies
 SAME, SAME_ENERGY = 1e-6, 1e-9
 # instead of a distance, for ``face``: that at which each point may have a force; the same, but any distance for points
 # of an axis, which remember their side
 IN_RANGE, IN_RANGE_OR_BESIDE, EVERY = 0.0, -1.0, -1
-# samples of an interval between contact points, and golden sections around the deepest one
-SAMPLES, SECTIONS, GOLDEN = 9, 40, 0.6180339887498949
 # most nodes of the tree that wait during a descent: two for each level
-_DEEP = 128
+DEEP = 128
 
 _is_past_end, _line_at, _trace_at, _foot_point, _gap_between, _place_opposite, _share_of_energy, _field_count = (
     part(f) for f in (contact_gaps.is_past_end, contact_gaps.line_at, contact_gaps.trace_at, contact_gaps.foot_point,
@@ -125,19 +124,23 @@ def _may_touch(par, other, s, nx, ny, tx, ty):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _is_on_next(table, way, c, found, rx, ry, none):  # type: ignore[no-untyped-def]
-    """Return whether the curve that continues c has the foot point of a point at R from the end ``found`` of c."""
-    first, n = table.first[way], table.first[way + 1] - table.first[way]
+def _place_beyond(table, arm, c, found, x, y, cx, cy, bx, by, none):  # type: ignore[no-untyped-def]
+    """Return where (x, y) is beyond the end ``found`` of curve c, at (cx, cy) with the derivative (bx, by): AT_END,
+    opposite to the curve that continues it (ON_NEXT), or IN_GAP between both, outside of a blunt corner.
+    """
+    first, n = table.first[arm], table.first[arm + 1] - table.first[arm]
     # first the curves of each face, then the ends
     n -= 2 if table.curve[first + n - 1, SPAN] == 0.0 else 0
     n, step = n // 2, 1 if found == AT_LAST else -1
     k = first + (c - first) // n * n + ((c - first) % n + step) % n
-    _, _, tx, ty, _, _ = _trace_at(table.curve[k], table.now[table.at[k, 2]:], none, -1.0 * step)
-    return step * (rx * tx + ry * ty) > 0.0
+    px, py, tx, ty, _, _ = _trace_at(table.curve[k], table.now[table.at[k, 2]:], none, -1.0 * step)
+    if step * ((x - px) * tx + (y - py) * ty) > 0.0:
+        return ON_NEXT
+    return IN_GAP if step * ((px - cx) * bx + (py - cy) * by) > SAME * (bx * bx + by * by) else AT_END
 
 
 @inner
-def _try_curve(table, way, c, par, other, none, x, y, tx, ty, z, best):  # type: ignore[no-untyped-def]
+def _try_curve(table, arm, c, par, other, none, x, y, tx, ty, z, best):  # type: ignore[no-untyped-def]
     """Replace ``best`` by the foot point on curve c if it is nearer and may touch; return whether it was replaced.
 
     z : where Newton's method starts.
@@ -146,7 +149,7 @@ def _try_curve(table, way, c, par, other, none, x, y, tx, ty, z, best):  # type:
     squared, squared depth with the share of it that counts for the energy where pressure fades).
     """
     fields, found = table.now[table.at[c, 2]:], WITHIN
-    z = _foot_point(other, fields, none, x, y, z)
+    foot = z = _foot_point(other, fields, none, x, y, z)
     if z < -PAST_END:
         z, found = -1.0, AT_FIRST
     elif z > PAST_END:
@@ -172,14 +175,20 @@ def _try_curve(table, way, c, par, other, none, x, y, tx, ty, z, best):  # type:
     if inside and other[DEEPEST]**2 < D:
         return False
     fades = other[FADE] > 0.0 and other[BOTH_SIDES] == 0.0
-    if fades and inside and found != WITHIN and _is_on_next(table, way, c, found, rx, ry, none):
-        return False
+    depth = math.sqrt(D)
+    if fades and inside and found != WITHIN:
+        beyond = _place_beyond(table, arm, c, found, x, y, cx, cy, bx, by, none)
+        if beyond == ON_NEXT:
+            return False
+        if beyond == IN_GAP:
+            # the faces of both arms extend into it
+            z, found, depth = foot, WITHIN, -nx * rx - ny * ry
     if not _may_touch(par, other, other[START] + 0.5 * (z + 1.0) * other[SPAN], nx, ny, tx, ty):
         return False
     best[0], best[1], best[2], best[6] = D, z, found, 0.0
     if fades and inside:
         face, end = _cosines(par, other, nx, ny, tx, ty)
-        best[6] = D * _share_of_energy(other, -math.sqrt(D), z, face + end)
+        best[6] = depth * depth * _share_of_energy(other, -depth, z, face + end)
     return True
 
 
@@ -187,13 +196,35 @@ def _try_curve(table, way, c, par, other, none, x, y, tx, ty, z, best):  # type:
 def _nearest(table, way, par, x, y, tx, ty, best, room, none, waiting):  # type: ignore[no-untyped-def]
     """Return the curve that a contact point faces, or -1 if there is none; fill ``best`` (``_try_curve``).
 
-    Only curves nearer than the largest squared distance in ``best`` are found. Where pressure fades, ends come
-    afterwards: of the faces and each end, a point touches that for which its energy is largest, and this energy is
-    continuous where it goes over from one to the other.
+    Only curves nearer than the largest squared distance in ``best`` are found. Where pressure fades, a point touches
+    that of the faces and ends of each arm for which its energy is largest. This energy is continuous where the point
+    goes over from one to another, as its share in each vanishes at the ends of this one.
     """
-    first, n, root, found = table.first[way], table.first[way + 1] - table.first[way], table.tree[way], -1
-    ends = 2 if room[FADE] > 0.0 and table.curve[first + n - 1, SPAN] == 0.0 else 0
+    found = -1
     best[0], best[1], best[2], best[6] = np.inf, 0.0, NOWHERE, 0.0
+    for arm in range(table.arms[way], table.arms[way + 1]):
+        last = table.first[arm + 1]
+        ends = 2 if room[FADE] > 0.0 and table.curve[last - 1, SPAN] == 0.0 else 0
+        for c in range(last - ends - 1, last):
+            D, z, kind, most = best[0], best[1], best[2], best[6]
+            best[0], best[6] = np.inf, 0.0
+            if c < last - ends:
+                # any of the faces, which come before the ends
+                c = _nearest_in_tree(table, arm, last - ends, par, x, y, tx, ty, best, room, none, waiting)
+            elif not _is_nearer(table, arm, c, par, x, y, tx, ty, best, room, none):
+                c = -1
+            if c >= 0 and (best[6] > (1.0 + SAME_ENERGY) * most
+                           or (best[0] < D and best[6] >= (1.0 - SAME_ENERGY) * most)):
+                found = c
+            else:
+                best[0], best[1], best[2], best[6] = D, z, kind, most
+    return found
+
+
+@inner
+def _nearest_in_tree(table, arm, end, par, x, y, tx, ty, best, room, none, waiting):  # type: ignore[no-untyped-def]
+    """Return the nearest curve of an arm before number ``end`` that a contact point faces, or -1; fill ``best``."""
+    first, n, root, found = table.first[arm], table.first[arm + 1] - table.first[arm], table.tree[arm], -1
     waiting[0], count = 0, 1
     while count > 0:
         count -= 1
@@ -203,7 +234,7 @@ def _nearest(table, way, par, x, y, tx, ty, best, room, none, waiting):  # type:
             continue
         if k >= n - 1:
             c = first + k - (n - 1)
-            if c < first + n - ends and _is_nearer(table, way, c, par, x, y, tx, ty, best, room, none):
+            if c < end and _is_nearer(table, arm, c, par, x, y, tx, ty, best, room, none):
                 found = c
             continue
         one, two = 2 * k + 1, 2 * k + 2
@@ -212,19 +243,11 @@ def _nearest(table, way, par, x, y, tx, ty, best, room, none, waiting):  # type:
         # the nearer one is visited first
         waiting[count], waiting[count + 1] = one, two
         count += 2
-    for c in range(first + n - ends, first + n):
-        D, z, kind, most = best[0], best[1], best[2], best[6]
-        best[0], best[6] = np.inf, 0.0
-        if _is_nearer(table, way, c, par, x, y, tx, ty, best, room, none) and (
-                best[6] > (1.0 + SAME_ENERGY) * most or (best[0] < D and best[6] >= (1.0 - SAME_ENERGY) * most)):
-            found = c
-        else:
-            best[0], best[1], best[2], best[6] = D, z, kind, most
     return found
 
 
 @inner
-def _is_nearer(table, way, c, par, x, y, tx, ty, best, room, none):  # type: ignore[no-untyped-def]
+def _is_nearer(table, arm, c, par, x, y, tx, ty, best, room, none):  # type: ignore[no-untyped-def]
     """Return whether a point may touch curve c and is nearer to it than to the one in ``best``, which it replaces."""
     z, least = nearest_on_chord(table.chords[c], x, y)
     if least * least >= min(best[0], best[5]) or not _can_touch(par, room, table.curve[c], table.chords[c], tx, ty):
@@ -232,7 +255,7 @@ def _is_nearer(table, way, c, par, x, y, tx, ty, best, room, none):  # type: ign
     copy(table.curve[c], room[:CURVE_SIZE])
     if room[BOTH_SIDES] > 0.0:
         room[SIGN] = best[3]
-    return _try_curve(table, way, c, par, room, none, x, y, tx, ty, z, best)
+    return _try_curve(table, arm, c, par, room, none, x, y, tx, ty, z, best)
 
 
 @inner
@@ -242,7 +265,7 @@ def _is_supported(fixed, z):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _find_curve(table, points, k, u, z, within, best, room, none, waiting):  # type: ignore[no-untyped-def]
+def find_curve(table, points, k, u, z, within, best, room, none, waiting):  # type: ignore[no-untyped-def]
     """Find the curve that point k faces from position z of its element, whose fields are in u, and store it.
 
     If nothing is ``within`` this distance, the point is marked as far from all.
@@ -251,7 +274,10 @@ def _find_curve(table, points, k, u, z, within, best, room, none, waiting):  # t
     par, mem = points.par[i], points.mem[i]
     points.apart[i], mem[FOOT_KIND] = np.inf, NOWHERE
     x, y, tx, ty, _, _ = _line_at(par, points.p0[points.field[i]:], u, z)
-    if distance_from_box(table.boxes[table.tree[table.way[k]]], x, y) >= within * within:
+    near = False
+    for arm in range(table.arms[table.way[k]], table.arms[table.way[k] + 1]):
+        near = near or distance_from_box(table.boxes[table.tree[arm]], x, y) < within * within
+    if not near:
         return
     for q in range(len(room)):
         room[q] = par[OPPOSITE + q] if CURVE_SIZE <= q < BODY_SIZE else 0.0
@@ -292,7 +318,7 @@ def face(table, points, d, within, only):  # type: ignore[no-untyped-def]
         return
     u, none, best, room = vector(200), vector(200), vector(7), vector(points.par.shape[1])
     fill_curves(table, d, none)
-    waiting = numbers(table.item, _DEEP)
+    waiting = numbers(table.item, DEEP)
     for k in range(len(table.item)):
         i = table.item[k]
         beside = points.par[i, OPPOSITE + BOTH_SIDES] > 0.0
@@ -305,7 +331,7 @@ def face(table, points, d, within, only):  # type: ignore[no-untyped-def]
         reach = max(within, points.par[i, OPPOSITE + DEEPEST])
         if within <= IN_RANGE:
             reach = np.inf if beside and within == IN_RANGE_OR_BESIDE else _force_range(points, i, d)
-        _find_curve(table, points, k, u, z, reach, best, room, none, waiting)
+        find_curve(table, points, k, u, z, reach, best, room, none, waiting)
 
 
 @kernel
@@ -326,59 +352,6 @@ def body_gaps(table, points, d, gaps, places):  # type: ignore[no-untyped-def]
         if not np.isnan(g):
             places[i, 0], places[i, 1], places[i, 2] = _place_opposite(par, points.p0[b:e], u, points.mem[i], z, work,
                                                                        across)
-
-
-@inner
-def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, waiting):  # type: ignore[no-untyped-def]
-    """Return the gap of point k at position z of its element, inf if it faces nothing or only an end."""
-    i = table.item[k]
-    points.mem[i, PLACE] = z
-    fields_of_item(points, i, d, u)
-    _find_curve(table, points, k, u, z, np.inf, best, room, none, waiting)
-    if _is_past_end(points.par[i, OPPOSITE:], points.mem[i, FOOT_KIND]):
-        return np.inf
-    fields_of_item(points, i, d, u)
-    b, e = points.field[i], points.field[i + 1]
-    g = _gap_between(points.par[i], points.p0[b:e], u, points.mem[i], own, work, across)[0]
-    return np.inf if np.isnan(g) else g
-
-
-@kernel
-@seldom
-def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyped-def]
-    """Fill the largest penetration (depth) within the interval of each point that may move, and its position (place).
-
-    ``free`` (n,) : which points may move; depth (n,) is 0 if there is no maximum inside the interval. Call it after
-    ``face`` at d (n_full,).
-    """
-    u, none, best = vector(200), vector(200), vector(7)
-    own, work, across, room = vector(WORK), vector(WORK), vector(WORK), vector(points.par.shape[1])
-    waiting, g, kept = numbers(table.item, _DEEP), vector(SAMPLES), vector(points.mem.shape[1])
-    for k in range(len(table.item)):
-        i = table.item[k]
-        depth[i] = 0.0
-        if not free[i]:
-            continue
-        copy(points.mem[i], kept)
-        points.mem[i, PLACEMENT] = 1.0
-        half, at = points.par[i, HALF_INTERVAL], 0
-        low, step = points.par[i, HOME] - half, 2.0 * half / (SAMPLES - 1)
-        for s in range(SAMPLES):
-            g[s] = _gap_from(table, points, k, d, low + s * step, u, best, room, none, own, work, across, waiting)
-            at = s if g[s] < g[at] else at
-        if 0 < at < SAMPLES - 1 and g[at] < 0.0:
-            # golden section search between the neighbours
-            a, e = low + (at - 1) * step, low + (at + 1) * step
-            for _ in range(SECTIONS):
-                one, two = e - GOLDEN * (e - a), a + GOLDEN * (e - a)
-                if _gap_from(table, points, k, d, one, u, best, room, none, own, work, across, waiting) < _gap_from(
-                        table, points, k, d, two, u, best, room, none, own, work, across, waiting):
-                    e = two
-                else:
-                    a = one
-            place[i] = 0.5 * (a + e)
-            depth[i] = -_gap_from(table, points, k, d, place[i], u, best, room, none, own, work, across, waiting)
-        copy(kept, points.mem[i])
 
 
 @inner

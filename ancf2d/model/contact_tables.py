@@ -30,9 +30,9 @@ from ..elements.contact_geometry import (
 from ..elements.contact_layer import slip
 from ..elements.contact_sliding import at_corner
 from ..elements.shape import Array
+from ..interactions.beam_curves import BeamCurves
 from ..interactions.body_contact import BodyPair, facing_table
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint, movable_by_element
-from ..interactions.contact_curves import BeamCurves
 from ..kernels.curves import point_accept
 from ..kernels.lowlevel.records import Record
 from .interactions import point_table
@@ -375,7 +375,7 @@ class BodyTable(ContactTable):
 
     def deepest(self, d: Array, t: float) -> tuple[Array, Array, Array]:
         """Same as ``ContactTable.deepest``, for bodies; the last array is 0."""
-        from ..kernels.facing import body_deepest
+        from ..kernels.body_passages import body_deepest
 
         table, n = self.updated(d, t)[0], len(self.table.forces)
         depth, place = np.zeros(n), np.zeros(n)

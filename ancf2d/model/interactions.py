@@ -11,9 +11,9 @@ import numpy as np
 from ..elements.contact_geometry import BODY, FRICTION, SHAPE
 from ..elements.point_laws import MAX_MEM, MAX_PAR, MAX_SIGNALS
 from ..elements.shape import Array
+from ..interactions.beam_curves import BeamCurves
 from ..interactions.body_contact import facing_table
 from ..interactions.contact import CompliantContact
-from ..interactions.contact_curves import BeamCurves
 from ..interactions.forces import Patch
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.compiled_laws import point_law_addresses, point_law_compilations

@@ -50,6 +50,16 @@ def _memory_views(one: ContactTable) -> list[Array]:
     return [p.mem for p in one.points] if one.points else list(one.pair.mem)
 
 
+def layer_memory(model: Model) -> dict[str, Array]:
+    """Return the history variables of the points of each layer, by the name of their array in a result file."""
+    return {layer_name(k, pair): pair.mem[:, :pair.size] for k, pair in enumerate(model.contacts) if not pair.hard}
+
+
+def layer_name(k: int, pair: Any) -> str:
+    """Return the name of the array with the history variables of a model's contact number k."""
+    return f"contacts/{k} {pair.name}: {pair.body}"
+
+
 def set_memory(model: Model, rows: Array) -> None:
     """Set the history variables of contact points from a table of all point laws (items, numbers)."""
     for patch, at in zip(model.interactions.points, model.interactions.rows, strict=True):

@@ -130,6 +130,14 @@ class Recorder:
         if self.progress.checks_zones:
             self.warn(self.zones.warnings(self.state))
 
+    def store_layers(self) -> None:
+        """Store what the points of layers remember of the last equilibrium, for a motion that starts from it."""
+        from ..solvers.contact import layer_memory
+
+        if self.stores and self.case.solver.balances and not self.moves:
+            for name, rows in layer_memory(self.model).items():
+                self.writer.array(name, rows, "1", "history variables of the points of a layer in the last state")
+
     def warn(self, texts: Iterable[str]) -> None:
         """Report warnings; of those that concern single states, only the worst of each kind at the end."""
         for text in texts:

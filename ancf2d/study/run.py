@@ -140,6 +140,8 @@ def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, wa
     except ComputationError as error:
         failure = error
     recorder.conclude()
+    if failure is None:
+        recorder.store_layers()
     summary = summarise(loaded, model, recorder, failure, brief)
     if conclude is not None and failure is None:
         conclude(summary, model)

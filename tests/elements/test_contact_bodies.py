@@ -172,7 +172,7 @@ def rubbing(one, two, place, slides, depth, law=laws.COMPLIANT_BODIES):
     z = gaps.gap_between(point.par, point.p0, point.u, point.mem, own, work, across)[3]
     tx, ty, _, _ = gaps.curve_at(other, point.p0[m:], point.u[m:], z, work, across)
     spot, unit = gaps.place_on(other, z, tx, ty)
-    point.mem[[gaps.SURFACE, geometry.ANCHOR]] = gaps.surface_of(other), spot - (0.5 if slides else 0.005) / unit
+    point.mem[[gaps.SURFACE, geometry.ANCHOR]] = other[gaps.NUMBER], spot - (0.5 if slides else 0.005) / unit
     point.par[[geometry.FRICTION, geometry.STICK, geometry.STIFFNESS]] = 0.3, 20.0, 1.0 / depth
     if law.constraint:
         point.mem[[geometry.STATUS, geometry.SLIP_STATUS]] = geometry.CLOSED, -1.0 if slides else geometry.STICKS

@@ -93,7 +93,8 @@ def test_a_search_among_all_curves_finds_the_nearest_of_those_found_on_each_alon
     for c in range(len(table.curve)):
         mine = table.way == np.searchsorted(table.first, c, side="right") - 1
         alone = np.minimum(alone, scene.distances(Record(whole._replace(
-            item=table.item[mine], way=np.zeros(mine.sum(), dtype=np.int64), own=table.own[mine], first=one, tree=one,
+            item=table.item[mine], way=np.zeros(mine.sum(), dtype=np.int64), own=table.own[mine],
+            arms=one, first=one, tree=one,
             curve=table.curve[c:c + 1], sizes=table.sizes[c:c + 1], at=table.at[c:c + 1],
             chords=np.zeros((1, 5)), boxes=np.zeros((1, 4))))))
     np.testing.assert_array_equal(among_all, alone)

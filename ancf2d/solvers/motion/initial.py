@@ -6,6 +6,7 @@ import math
 import os
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -21,6 +22,7 @@ from ...model.model import Model
 from ...model.point_patch import PointConstraint
 from ...model.rotation import CoordinateKinds
 from ...model.transfer import renumbered
+from ..contact import layer_memory, layer_name
 
 # relative to the size of the scene: tolerance for equal reference geometry, and for states that supports hold
 SAME, HELD = 1e-9, 1e-6
@@ -45,6 +47,9 @@ def initial_motion(model: Model) -> tuple[Array, Array, Array]:
         d[:n_q], turned = _static(model)
     elif initial.from_ != "rest":
         d[:n_q], v[:n_q], turned = _from_file(model, initial.from_)
+        if _is_static(model, initial.from_):
+            with suppress(CaseError, ComputationError):
+                d[:n_q] = _settled(model, d[:n_q], turned)
     e = model.e0 + d[:n_q]
     v[:n_q] = _rates(model, initial, e, v[:n_q])
     return d, v, model.turns.from_reference(d) if turned is None else turned
@@ -175,9 +180,61 @@ def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
             d = renumbered(results.d(-1), dofs, model)
             v = renumbered(results.v(-1), dofs, model) if results.holds("v") else np.zeros(model.n_q)
             _check_held(model, d, path, fail)
+            for name, rows in _stored_memory(model, results).items():
+                layer_memory(model)[name][:] = rows
             return d, v, results.turned(-1)
     except ResultsError as error:
         raise fail(str(error), "the result file of another run, relative to the case") from error
+
+
+def _stored_memory(model: Model, results: Any) -> dict[str, Array]:
+    """Return the history variables of the points of layers that a result file has, by their names in it."""
+    found = {name: results.array(name) for name in layer_memory(model) if name in results.arrays}
+    return {name: rows for name, rows in found.items() if rows.shape == layer_memory(model)[name].shape}
+
+
+def _is_static(model: Model, name: str) -> bool:
+    """Return whether a result file has the history variables of equilibria with layers."""
+    from ...results import open_results
+
+    with open_results(_path(model, name)) as results:
+        return bool(_stored_memory(model, results))
+
+
+def _settled(model: Model, d: Array, turned: Array | None) -> Array:
+    """Return the displacements (n_q,) of the equilibrium beside d with layers as in motion, else d.
+
+    The forces that d does not balance with layers as in statics, as loads may change at t = 0, act on. Equilibria are
+    not sought without a law, nor under loads that depend on the motion, and bodies may have lost their supports.
+    """
+    from ..statics.newton import (
+        MAX_ITERATIONS,
+        TOLERANCE,
+        Start,
+        equilibrium_at,
+        equilibrium_near,
+        negative_pivots,
+    )
+    from ..system import System
+
+    soft = not any(pair.hard for pair in model.contacts) and any(pair.on_bodies for pair in model.contacts)
+    if not soft or getattr(model.timing, "feedback", None):
+        return d
+    case = replace(_loaded(model), case=static_case(model.case))
+    whole, fading = System(build_model(case)), System(build_model(case, moving=True))
+    if not np.array_equal(whole.model.e0, model.e0):
+        return d
+    for system in (whole, fading):
+        for name, rows in layer_memory(system.model).items():
+            rows[:] = layer_memory(model)[name]
+    full = np.zeros(len(whole.model.numbering.place))
+    full[:model.n_q] = d
+    turned = whole.model.turns.from_reference(full) if turned is None else turned
+    at = equilibrium_at(whole, 1.0, full, turned, False).d
+    fading.balancing_forces = whole.forces(at, 1.0).R
+    start = Start(at, negative_pivots(fading, at, 1.0), turned)
+    near = equilibrium_near(fading, start, 1.0, TOLERANCE, MAX_ITERATIONS)
+    return d if near is None else near.d[:model.n_q]
 
 
 def continues_from_file(model: Model) -> bool:
@@ -203,7 +260,8 @@ def _supports_and_joints(completed: str) -> list[str]:
 def layers_warnings(model: Model, d: Array) -> list[str]:
     """Return warnings if layers do not press as in the result file that a motion starts from, at its state d (n_full,).
 
-    The file has no memory of friction, and in statics layers press with their whole pressure up to ends of bodies.
+    A file of a motion, or of an earlier version, has no memory of friction, and in statics layers press with their
+    whole pressure up to ends of bodies, unless ``_settled`` has found the equilibrium of the motion.
     """
     from ...results import open_results
 
@@ -211,16 +269,19 @@ def layers_warnings(model: Model, d: Array) -> list[str]:
     if initial is None or initial.from_ in ("rest", "static") or all(pair.hard for pair in model.contacts):
         return out
     with open_results(_path(model, initial.from_)) as results:
-        at_rest = not results.holds("v")
-    for one in model.contact_tables:
+        at_rest, kept = not results.holds("v"), _stored_memory(model, results)
+        free = model.numbering.free[model.numbering.free < model.n_q]
+        stored = renumbered(results.d(-1), [body.dofs for body in results.bodies.values()], model)
+        settled = not np.array_equal(stored[free], d[free])
+    for k, one in enumerate(model.contact_tables):
         pair, better = one.pair, "initial: {from: static} starts in equilibrium"
         energy, gap = np.zeros(0), np.zeros(0)
         if not pair.hard:
             energy, gap = one.nodal_forces(d, np.zeros_like(d), 0.0, False)[2], one.gaps(d, 0.0)[0]
-        if pair.item.friction > 0.0 and energy.any():
+        if pair.item.friction > 0.0 and energy.any() and layer_name(k, pair) not in kept:
             out.append(f"{pair.name}: friction starts from zero, because '{initial.from_}' does not contain the places "
                        f"to which it holds points. {better}")
-        if pair.on_bodies and at_rest and (gap < 0.0).any():
+        if pair.on_bodies and at_rest and not settled and (gap < 0.0).any():
             whole = 0.5 * pair.par[:, WEIGHT] * pair.par[:, STIFFNESS] * np.minimum(gap, 0.0)**2
             if (energy < (1.0 - WHOLE) * whole).any():
                 out.append(f"{pair.name}: in motion, layers press less near ends of bodies than in the equilibrium in "
