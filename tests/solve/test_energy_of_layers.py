@@ -1,4 +1,4 @@
-"""Energy of layers between bodies: none appears or vanishes where ends slide past points, or where bodies turn."""
+"""Energy of layers between bodies: conserved if ends slide past points, or bodies rotate."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def strip(start: Any, end: Any, element: dict[str, Any] = RIGID, height: Any = 0
 
 
 def thrown(x: float, y: float, angle: float, velocity: tuple[float, float], spin: float) -> dict[str, Any]:
-    """Return a free rod at rest, and a shorter one, centred at x, y and inclined by an angle, that is thrown at it."""
+    """Return a free rod at rest, and a shorter inclined one, centred at x, y, that is thrown at it."""
     centre, half = np.array([x, y]), 0.175 * np.array([np.cos(angle), np.sin(angle)])
     return {"bodies": {"one": strip([-0.25, 0], [0.25, 0]), "two": strip(centre - half, centre + half)},
             "contacts": [{"between": ["one", "two"], "law": {"stiffness": 3e5}}],
@@ -31,7 +31,7 @@ def thrown(x: float, y: float, angle: float, velocity: tuple[float, float], spin
 
 
 def sliding(order: list[str], element: Any, friction: float) -> dict[str, Any]:
-    """Return a block that slides off the end of a plank and tips over it, pressed down by gravity."""
+    """Return a block that slides off the end of a plank and tips over it under gravity."""
     height, depth = 0.02, 0.001
     block = strip([-0.3, height - depth], [0.0, height - depth], element(4), height)
     return {"bodies": {"block": block, "plank": strip([-0.9, 0], [0.1, 0], element(8), height)},
@@ -44,7 +44,7 @@ def sliding(order: list[str], element: Any, friction: float) -> dict[str, Any]:
 
 
 def drift(scene: dict[str, Any], t_end: float, tolerance: float = 1e-5, interval: float = 0.01) -> float:
-    """Return the largest change of the energy, with what was dissipated, relative to the largest energy."""
+    """Return the largest change of the energy, including dissipation, relative to the largest energy."""
     found = ancf2d.solve({**scene, "output": {"interval": interval}, "solver": {
         "type": "dynamic", "t_end": t_end, "tolerance": tolerance, "estimate": False}})
     e = found.energies
@@ -59,13 +59,13 @@ def drift(scene: dict[str, Any], t_end: float, tolerance: float = 1e-5, interval
     (0.139, 0.334, 3.043, (0.25, -1.98), 3.08),
     # points in corners go over from a face to an end: 0.01
     (-0.191620, 0.243808, 2.502195, (-0.115937, -1.516995), 0.132971)])
-def test_rods_that_bounce_off_each_other_keep_their_energy(way):
+def test_rods_that_bounce_off_each_other_conserve_energy(way):
     assert drift(thrown(*way), 0.3, interval=0.05) < 1e-4
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_energy_of_each_point_is_continuous(seed):
-    """It has no jump along straight paths on which corners of two rods pass through each other, at any depth."""
+    """It does not jump along straight paths on which corners of two rods pass through each other, at any depth."""
     rng, scene = np.random.default_rng(seed), thrown(0.0, 0.0, 0.0, (0.0, 0.0), 0.0)
     model = h.build(scene["bodies"], {"type": "dynamic", "t_end": 1.0, "tolerance": 1e-5}, contacts=scene["contacts"])
     points, ends, corner = Batch(model.springs), [], rng.choice([-1.0, 1.0], (2, 2))
@@ -97,13 +97,13 @@ def test_the_energy_of_each_point_is_continuous(seed):
                                                                        marks=pytest.mark.slow)], ids=["rigid", "cable"])
 @pytest.mark.parametrize("order", [["block", "plank"], ["plank", "block"]])
 @pytest.mark.parametrize("friction", [0.0, pytest.param(0.2, marks=pytest.mark.slow)])
-def test_a_block_that_slides_off_the_end_of_a_plank_keeps_its_energy(order, element, friction):
-    """Its points would lose up to k g^2/4 per length there: up to 0.015 of the energy."""
+def test_a_block_that_slides_off_the_end_of_a_plank_conserves_energy(order, element, friction):
+    """Its points could lose up to k g^2/4 per length there: up to 0.015 of the energy."""
     assert drift(sliding(order, element, friction), 0.2) < 1e-4
 
 
 @pytest.mark.slow
-def test_a_soft_whip_that_strikes_its_own_arm_keeps_its_energy():
+def test_a_soft_whip_that_strikes_its_own_arm_conserves_energy():
     path = {"type": "path", "start": [0, 0], "pieces": [{"line": 0.35}, {"arc": 0.1, "angle": np.pi}, {"line": 0.3}]}
     whip = h.body(path, h.element("cable", 20), {"height": 0.02, "width": 0.02}, {**RUBBER, "E": 2e6})
     scene = {"bodies": {"whip": whip}, "boundary_conditions": [{"type": "clamp", "at": "whip@0"}],
@@ -143,8 +143,8 @@ def test_a_motion_from_an_equilibrium_with_layers_stays_there(scene):
 
 
 @pytest.mark.parametrize("scene", [*HELD, "smooth drum"])
-def test_a_motion_from_a_file_of_statics_says_where_layers_press_otherwise(scene, tmp_path):
-    """Near ends, and where friction held points; the kick is then a share of the energy of the layers."""
+def test_a_motion_from_a_static_file_reports_different_layer_forces(scene, tmp_path):
+    """Near ends, and with friction; the disturbance is then a share of the energy of the layers."""
     case = HELD[scene.split()[-1]]
     if scene == "smooth drum":
         case = {**case, "contacts": [{**case["contacts"][0], "friction": 0.0}]}

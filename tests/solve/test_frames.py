@@ -1,4 +1,4 @@
-"""Frames with many loops, factored front by front, against another program's Timoshenko beams."""
+"""Frames with many loops, by the multifrontal method, compared with another program's Timoshenko beams."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ OPENSEES = (0.011000735972089188, -0.011075087169628172)
 
 
 @pytest.mark.slow
-def test_a_lattice_bends_as_that_of_another_program() -> None:
+def test_a_lattice_bends_as_in_another_program() -> None:
     """10 x 10 nodes 1 m apart, steel 50 mm x 50 mm, clamped at one corner, 100 N down at the opposite one."""
     section, spec = {"height": 0.05, "width": 0.05}, h.element("reissner3", 2)
     material = {"E": 2.07e11, "nu": 0.3, "rho": 7850.0}

@@ -1,4 +1,4 @@
-"""Elements shared out to threads: parts have nothing in common, and bits do not depend on the number of threads."""
+"""Elements divided among threads: the parts are disjoint, and bits do not depend on the number of threads."""
 
 import helpers
 import numpy as np
@@ -19,7 +19,7 @@ def system_of(monkeypatch, wanted: int, shape=LINE, count: int = 40, name: str =
 
 
 @pytest.mark.parametrize("name", [v[0] for v in helpers.DEFAULTS])
-def test_bits_are_the_same_whatever_the_number_of_threads(monkeypatch, name):
+def test_bits_are_the_same_for_any_number_of_threads(monkeypatch, name):
     found = []
     for wanted in (1, 2, 3):
         system = system_of(monkeypatch, wanted, name=name)
@@ -33,7 +33,7 @@ def test_bits_are_the_same_whatever_the_number_of_threads(monkeypatch, name):
         assert all(np.array_equal(a, b) for a, b in zip(found[0], other, strict=True))
 
 
-def test_what_is_shared_out_is_the_whole(monkeypatch):
+def test_parts_add_up_to_the_whole(monkeypatch):
     parted = system_of(monkeypatch, 2)
     monkeypatch.setattr(threads, "PART", 1000)
     whole = System(parted.model)
@@ -47,7 +47,7 @@ def test_what_is_shared_out_is_the_whole(monkeypatch):
 
 
 @pytest.mark.parametrize("shape", [LINE, ROUND])
-def test_parts_touch_nothing_in_common(monkeypatch, shape):
+def test_parts_are_disjoint(monkeypatch, shape):
     system = system_of(monkeypatch, 2, shape)
     place = system.model.numbering.place
     for stage in system.divided.stages[:1]:
@@ -56,7 +56,7 @@ def test_parts_touch_nothing_in_common(monkeypatch, shape):
     assert sum(len(part.dofs) for stage in system.divided.stages for part in stage) == 40
 
 
-def test_bodies_whose_ends_share_unknowns_are_not_shared_out(monkeypatch):
+def test_bodies_whose_ends_share_unknowns_are_not_divided(monkeypatch):
     """A weld makes the coordinates of the last node combinations of those of the first."""
     monkeypatch.setattr(threads, "PART", 8)
     ring = {"b": helpers.body(ROUND, helpers.element("vallejo", 40))}

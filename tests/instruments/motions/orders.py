@@ -1,4 +1,4 @@
-"""The order in time that every integrator of ancf2d's own shows: smooth motions, with constraints and driven ones."""
+"""Order in time of every integrator of ancf2d's own: smooth motions, with constraints and driven ones."""
 
 from __future__ import annotations
 
