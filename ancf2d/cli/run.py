@@ -51,7 +51,7 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
             resume: bool, force: bool, accuracy: float | None) -> int:
     """Solve a case and write an HDF5 result file.
 
-    Prints probes, reactions, and computed next to expected values. A rerun replaces its own earlier result once it has
+    Prints probes, reactions, and expected next to computed values. A rerun replaces its own earlier result once it has
     succeeded.
     """
     session.subject = {"case": case}

@@ -153,7 +153,8 @@ class Measures:
         for one, value in zip(met, found, strict=True):
             if not np.isfinite(value):
                 raise ComputationError(f"'{one.measure.text}' has no value here", at={"value": value},
-                                       advice="names of what the solver computes, and functions within their range")
+                                       advice="names of values that the solver computes, and functions within their "
+                                              "range")
         if self.parts is None:
             self.parts = self._divided(met, model.case.solver.moves)
         return np.concatenate([found, *(met[part.number].rows(part) for part in self.parts)])

@@ -37,7 +37,7 @@ def test_all_problems_are_reported_and_nothing_is_written(call: Call, folder: Pa
     before = sorted(p.name for p in folder.iterdir())
     result = call(*FIT, "--vary", "b=2:1", "--sigma", "c")
     assert result.exit_code == 2
-    for text in ("'x' in column tip.uy is no number", "2:1 is not a range", "not PROBE.QUANTITY=NUMBER"):
+    for text in ("'x' in column tip.uy is not a number", "2:1 is not a range", "not PROBE.QUANTITY=NUMBER"):
         assert text in result.stderr
     assert call(*FIT[:3], "nowhere.csv", *FIT[4:]).exit_code == 2
     (folder / "data.csv").write_text(DATA.replace("tip.ux", "tip.uy"))

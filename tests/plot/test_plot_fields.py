@@ -281,7 +281,7 @@ def test_a_map_of_pressure_names_the_bodies_in_contact(sides: list[str], names: 
 
 def test_a_map_of_pressure_says_so_without_contact() -> None:
     t, s = np.array([0.0, 1.0]), np.array([0.0, 1.0, 2.0])
-    for pressure, note in ((0.0, "nothing touches in any stored state"), (1.0, "")):
+    for pressure, note in ((0.0, "no contact in any stored state"), (1.0, "")):
         figure = Figure()
         face = Zone("beam, lower face", s, np.full((2, 3), pressure))
         Zones("Beam", ("t", "s"), "m", "N/m", t, [face]).render(figure)

@@ -271,7 +271,7 @@ def test_info_lists_contacts_at_the_end(tmp_path: Path) -> None:
         {"name": "far", "force": [0.0, 0.0], "moment": 0.0, "length": 0.0, "from": None, "to": None}]})
     rows = [line.split(None, 1)[1] for line in describe_text(describe(w.path)).splitlines() if "contact " in line]
     assert rows == ["grip: force = (0, 2.5) N, at S = 0.25 to 0.5", "stop: force = (1, 0) N, at S = 1",
-                    "fold: pressing force = 3.5 N, at S = 0.2 to 0.7", "far: nothing touches at the end"]
+                    "fold: pressing force = 3.5 N, at S = 0.2 to 0.7", "far: no contact at the end"]
 
 
 @pytest.mark.slow

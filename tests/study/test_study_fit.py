@@ -259,8 +259,8 @@ def test_all_problems_of_a_fit_are_reported_at_once() -> None:
     with pytest.raises(CaseError) as found:
         fitted(BENT, data, f"{EI}=-1:1", "bodies.beam.section.EJ=1:2", sigma={"tip.ux": 1.0})
     told = " ".join(p.message for p in found.value.problems)
-    for text in ("go from 0.5 to 2", "no probe 'tap'", "'uz' is no quantity", "a static state has no vx", "must be > 0",
-                 "EJ", "no column 'tip.ux'", "'tip_uy' is no PROBE.QUANTITY"):
+    for text in ("range from 0.5 to 2", "no probe 'tap'", "'uz' is not a quantity", "a static state has no vx",
+                 "must be > 0", "EJ", "no column 'tip.ux'", "'tip_uy' is not PROBE.QUANTITY"):
         assert text in told
     with pytest.raises(CaseError, match="the solver of the case is static"):
         fitted(BENT, data_of({"t": [1.0, 2.0], "tip.uy": [1.0, 2.0]}), f"{EI}=1:2")

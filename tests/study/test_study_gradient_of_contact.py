@@ -66,7 +66,7 @@ def test_the_first_friction_is_differentiated_by_runs():
         row, other = other, row
     smooth, rough = (ancf2d.solve(case, [f"contacts.0.friction={mu}"], states=False).value for mu in (0.0, 1e-3))
     assert row.derivative == pytest.approx((rough - smooth) / 1e-3, rel=1e-2)
-    assert "friction depends on the way" in row.method
+    assert "friction depends on the load path" in row.method
     assert other.method == "exact"
 
 
@@ -83,7 +83,7 @@ TOUCHED = {"polyline": ({"floor": {"type": "polyline", "points": [[-1, -0.02], [
 @pytest.mark.slow
 @pytest.mark.parametrize(("what", "method"), [
     ("polyline", "exact"),
-    ("body", "differences of runs: places between nodes that touch are chosen anew in every run")])
+    ("body", "differences of runs: contact points between nodes differ between runs")])
 def test_contact_places_are_unknowns_at_obstacles_and_found_by_runs_between_bodies(what, method):
     """The contact place moves with a number, and the force with it."""
     obstacles, bodies, held = TOUCHED[what]

@@ -74,7 +74,7 @@ def test_zieglers_pendulum(kind: str, more: dict[str, float]) -> None:
 
 def test_without_dampers_there_is_no_derivative_with_respect_to_them() -> None:
     """Even vanishing damping changes the factor at which motions begin to grow (Ziegler 1952)."""
-    with pytest.raises(ComputationError, match="dampers let motions grow at another factor"):
+    with pytest.raises(ComputationError, match="even vanishing damping changes the factor"):
         ancf2d.sensitivity(copy.deepcopy(PENDULUM), ["springs.s1.damping"])
 
 

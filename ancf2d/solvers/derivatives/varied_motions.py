@@ -51,7 +51,7 @@ def why_unsuited(model: Model) -> str:
         return "the times at which one-sided springs and tendons act depend on the case"
     held = (item.active for item in (*model.case.boundary_conditions, *model.case.joints))
     if any(active is not None and active.times[0] > 0.0 for active in held):
-        return "a support or joint begins where the motion has come to"
+        return "a support or joint begins at the current position of the motion"
     if model.case.initial is not None and model.case.initial.from_ not in ("rest", "static"):
         return "the motion continues from a file"
     return ""
