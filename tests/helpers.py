@@ -16,8 +16,8 @@ from ancf2d.elements.definition import ElementType
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS, FAMILY, ancf
 from ancf2d.model.build import build_model
-from ancf2d.model.interactions import Batch, batches
 from ancf2d.model.model import Model
+from ancf2d.model.point_tables import Batch, batches
 from ancf2d.model.points import PointRef, dot, point_ref
 from ancf2d.model.rotation import Rotation
 from ancf2d.solvers.section_forces import SectionForces
@@ -214,7 +214,7 @@ class Solution:
 
     def reactions(self) -> dict[str, dict[str, float]]:
         """Return the reactions of every support."""
-        from ancf2d.solvers.post import reactions
+        from ancf2d.solvers.state_results import reactions
 
         return reactions(self.model, self.state)
 

@@ -219,7 +219,7 @@ def _verdict(check: dict[str, Any]) -> str:
 
 def built_report(model: Any) -> str:
     """Return the text of ``-v`` on a model: its parts, and the parts that were left out as not needed."""
-    from ..solvers.post import asks_for_forces
+    from ..solvers.state_results import asks_for_forces
 
     num, lines = model.numbering, []
     for name, mesh in model.meshes.items():

@@ -15,8 +15,8 @@ from ..elements.formulations import FORMULATIONS
 from ..elements.registry import ELEMENTS
 from ..kernels.lowlevel.jit import CACHE, REFUSED
 from ..solvers.motion.integrators import INTEGRATORS
+from .expressions import GoalValues
 from .gradient import gradient
-from .measures import GoalValues
 from .run import run_case, vocabulary
 
 STIFF = {"E": 1e10, "nu": 0.3, "rho": 1000.0}

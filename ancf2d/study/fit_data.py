@@ -21,7 +21,7 @@ from ..model.model import Model
 from ..quantities import FORCES, KIND_OF, KINEMATIC, RATE_OF, RATES
 from ..solvers.derivatives.differences import UnsuitedError
 from ..solvers.derivatives.readings import Term
-from .measures import probes_alike
+from .expressions import probes_alike
 from .run import vocabulary
 
 # solvers for each name of the first column
@@ -298,7 +298,7 @@ class DataValues:
     def _courses(self, model: Model, states: Sequence[Any]) -> Array:
         from scipy.interpolate import CubicHermiteSpline, make_interp_spline
 
-        from ..solvers.post import Observer
+        from ..solvers.state_results import Observer
 
         observer = Observer(model)
         places = model.case.places_over_time

@@ -26,7 +26,6 @@ from ..errors import ComputationError
 from ..model.model import Model
 from ..model.section import remembers_way
 from ..solvers.contact import force_at_fixed_place
-from ..solvers.derivatives.backwards import RecordedMotion, StepLengthError
 from ..solvers.derivatives.differences import Quotient, UnsuitedError, derivative
 from ..solvers.derivatives.load_factors import Growth, Instability
 from ..solvers.derivatives.motion import Motion
@@ -34,12 +33,13 @@ from ..solvers.derivatives.motion_adjoint import MotionAdjoint, recorded_motion
 from ..solvers.derivatives.motion_states import NEWTON, lengths_of
 from ..solvers.derivatives.small_motions import ForcedVibration, Vibration
 from ..solvers.derivatives.statics import Equilibrium, Path, Response
+from ..solvers.derivatives.transposed_steps import RecordedMotion, StepLengthError
 from ..solvers.derivatives.varied_motions import why_unsuited
 from ..solvers.registry import solve
 from ..solvers.state import State
 from ..solvers.statics.static import unscaled
+from .expressions import GoalValues
 from .goal import for_study
-from .measures import GoalValues
 from .record import Progress
 from .run import prepare, run_case, vocabulary
 

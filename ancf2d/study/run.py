@@ -173,7 +173,7 @@ def _with_verification(loaded: LoadedCase, model: Model, states: Iterator[State]
 def summarise(loaded: LoadedCase, model: Model, recorder: Recorder, failure: ComputationError | None,
               brief: bool = False) -> dict[str, Any]:
     """Return the object that ``--json`` prints, from the records of a run; ``brief`` as in ``run_case``."""
-    from ..solvers.post import energies, reactions
+    from ..solvers.state_results import energies, reactions
 
     state = recorder.state
     asked = [goal for goal in (loaded.case.goal, *loaded.case.expected) if goal is not None]

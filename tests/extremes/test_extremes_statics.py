@@ -12,7 +12,7 @@ from instruments.extremes import statics
 from instruments.extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever
 
 import ancf2d
-from ancf2d.solvers.refine import refined
+from ancf2d.solvers.iterative_refinement import refined
 from ancf2d.solvers.statics import linear_static
 
 

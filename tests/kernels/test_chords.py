@@ -8,7 +8,7 @@ from ancf2d.elements import contact_geometry as geometry
 from ancf2d.interactions.body_contact import facing_table
 from ancf2d.kernels.facing import EVERY, IN_RANGE, face
 from ancf2d.kernels.lowlevel.records import Record
-from ancf2d.model.interactions import point_table
+from ancf2d.model.point_tables import point_table
 from tests import helpers
 
 Z = np.linspace(-1.0, 1.0, 41)

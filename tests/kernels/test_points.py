@@ -16,7 +16,7 @@ from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import SymBand
 from ancf2d.kernels.patches import point_noise, point_violation
 from ancf2d.kernels.points import point_constraint_rates, point_mean_forces
-from ancf2d.model.interactions import point_table
+from ancf2d.model.point_tables import point_table
 
 
 @kernel

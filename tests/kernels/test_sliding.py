@@ -19,7 +19,7 @@ from ancf2d.kernels.sliding import (
     sliding_tangent,
     sliding_violation,
 )
-from ancf2d.model.interactions import Interactions
+from ancf2d.model.point_tables import Interactions
 from ancf2d.model.points import point_ref
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from ancf2d.errors import CaseError
 from ancf2d.model.constraints import Equations, align, prescribe_rotation
-from ancf2d.model.interactions import batches
+from ancf2d.model.point_tables import batches
 from ancf2d.model.points import point_ref
 
 TURN = 0.7

@@ -17,8 +17,8 @@ from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.dynamic import Balance, solve_dynamic
 from ancf2d.solvers.motion.initial import initial_motion
 from ancf2d.solvers.motion.integrators import SCIPY_METHODS
-from ancf2d.solvers.motion.methods import Method
 from ancf2d.solvers.motion.ode import OdeStepper
+from ancf2d.solvers.motion.own_integrators import Method
 from ancf2d.solvers.motion.problem import make_problem
 from ancf2d.solvers.motion.stepping import LOG, Stepper
 

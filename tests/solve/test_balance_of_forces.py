@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from helpers import cantilever
 
-from ancf2d.solvers.post import unbalanced_forces
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state_results import unbalanced_forces
 
 
 @pytest.mark.parametrize("kind", ["2d3n", "reissner2"])

@@ -13,8 +13,8 @@ from motions import ride, rigid
 from scipy.optimize import brentq
 
 from ancf2d.solvers.contact import contact_report
-from ancf2d.solvers.post import reactions
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state_results import reactions
 
 STIFF = {"EA": 1e7, "EI": 1.0, "rhoA": 1.0, "kGA": 1e7, "rhoI": 1e-6}
 EULER = math.pi**2

@@ -12,8 +12,8 @@ from test_contact_statics import CLAMP, strip
 from ancf2d.elements.contact_geometry import STATUS
 from ancf2d.errors import ComputationError
 from ancf2d.solvers.contact import contact_report
-from ancf2d.solvers.post import reactions
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state_results import reactions
 from ancf2d.solvers.statics import static
 
 

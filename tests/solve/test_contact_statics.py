@@ -20,8 +20,8 @@ from ancf2d.results.obstacles import obstacles_of
 from ancf2d.solvers.complementarity import lemke, lemke_from
 from ancf2d.solvers.contact import contact_report, obstacle_reactions, touches
 from ancf2d.solvers.fields import FieldReader
-from ancf2d.solvers.post import reactions
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state_results import reactions
 from ancf2d.solvers.statics import path
 from ancf2d.study.run import run_case
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import ancf2d
-from ancf2d.model.interactions import Batch
+from ancf2d.model.point_tables import Batch
 
 RUBBER = {"E": 1e7, "nu": 0.3, "rho": 1000.0}
 RIGID = {"type": "rigid"}

@@ -17,8 +17,8 @@ from ancf2d.model.build import build_model
 from ancf2d.plot.kinds import build
 from ancf2d.results import open_results
 from ancf2d.solvers.fields import FieldReader
-from ancf2d.solvers.post import reactions
 from ancf2d.solvers.section_forces import SectionForces
+from ancf2d.solvers.state_results import reactions
 from ancf2d.study.run import run_case
 
 E, YIELD, HEIGHT, WIDTH, LENGTH = 2e11, 250e6, 0.1, 0.05, 1.0

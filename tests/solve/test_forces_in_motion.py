@@ -10,9 +10,9 @@ from helpers import section_forces
 from ancf2d.interactions.forces import DeadLoad
 from ancf2d.model.rotation import CoordinateKinds
 from ancf2d.solvers.linear import full_mass
-from ancf2d.solvers.post import Observer, energies, reactions
 from ancf2d.solvers.registry import solve
 from ancf2d.solvers.state import State
+from ancf2d.solvers.state_results import Observer, energies, reactions
 from ancf2d.solvers.system import System
 
 DYNAMIC = {"type": "dynamic", "t_end": 1, "dt": 0.01}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import helpers as h
 import pytest
 
-from ancf2d.solvers.post import Observer
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state_results import Observer
 
 SIDE = 10
 # displacement of the corner: linear, ElasticTimoshenkoBeam of OpenSees 3.7.1 (openseespy), one element a member,

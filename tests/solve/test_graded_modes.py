@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ancf2d.solvers.small_motions import lowest_modes
-from ancf2d.solvers.small_motions.graded import graded_ritz, jacobi
+from ancf2d.solvers.small_motions.rayleigh_ritz import graded_ritz, jacobi
 
 SIZES = 10.0 ** np.linspace(-18, 14, 12)
 

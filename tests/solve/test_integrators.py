@@ -12,7 +12,7 @@ from ancf2d.kernels.motion.state import SIZE, TIME
 from ancf2d.kernels.motion.step_control import increment_tolerance
 from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.integrators import INTEGRATORS, SCIPY_METHODS, method_problems
-from ancf2d.solvers.motion.methods import MAKERS
+from ancf2d.solvers.motion.own_integrators import MAKERS
 
 FREE = {"bodies": {"a": rod("vallejo")}, "bc": [{"type": "pin", "at": "a@0"}], "loads": GRAVITY}
 EXACT = {**FREE, "bodies": {"a": rod("vallejo"), "b": rod("reissner3", 2, (1, 0), (2, 0))}}

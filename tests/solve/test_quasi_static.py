@@ -9,7 +9,7 @@ import pytest
 import ancf2d
 from ancf2d.errors import CaseError
 from ancf2d.model.build import build_model
-from ancf2d.solvers.post import reactions
+from ancf2d.solvers.state_results import reactions
 
 
 def test_yield_depends_on_the_load_history_not_on_the_steps() -> None:

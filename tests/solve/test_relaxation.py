@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 
 import ancf2d
 from ancf2d.model.build import build_model
-from ancf2d.solvers.post import reactions
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state_results import reactions
 
 E, SIZE, LENGTH = 2e6, 0.02, 1.0
 ZENER = ((0.5, 0.1),)

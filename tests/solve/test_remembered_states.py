@@ -12,7 +12,7 @@ import pytest
 import ancf2d
 from ancf2d.results import open_results
 from ancf2d.solvers.fields import FieldReader
-from ancf2d.solvers.post import Observer, energies, reactions
+from ancf2d.solvers.state_results import Observer, energies, reactions
 from ancf2d.study.record import Progress
 from ancf2d.study.run import run_case
 

@@ -15,8 +15,8 @@ from ancf2d.model.transfer import transferred
 from ancf2d.results import open_results
 from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.dynamic import Run
-from ancf2d.solvers.post import Observer, reactions
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state_results import Observer, reactions
 from ancf2d.solvers.statics.newton import Start
 from ancf2d.solvers.statics.static import solve_static
 from ancf2d.study.run import load, run_case

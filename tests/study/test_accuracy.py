@@ -9,7 +9,7 @@ from pursued import BETWEEN, CANTILEVER, SWING, TWO, case, limit
 from ancf2d.case import load_case_text
 from ancf2d.errors import CaseError
 from ancf2d.study.accuracy.control import describe, first_mesh, is_pursued, solve_to_accuracy
-from ancf2d.study.accuracy.judging import relative_distance
+from ancf2d.study.accuracy.estimates import relative_distance
 from ancf2d.study.accuracy.pursuit import Pursuit
 from ancf2d.study.accuracy.setting import Setting, with_setting
 from ancf2d.study.goal import Target, solve_for_goal

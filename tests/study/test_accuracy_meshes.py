@@ -11,7 +11,7 @@ from pursued import BETWEEN, CANTILEVER, SLIDE, SWING, case
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.errors import ComputationError
-from ancf2d.study.accuracy.judging import SAFETY, best, choose, judge
+from ancf2d.study.accuracy.estimates import SAFETY, best, choose, judge
 from ancf2d.study.accuracy.mesh import Ladder
 from ancf2d.study.accuracy.pursuit import EstimateOf, Pursuit, tenth
 from ancf2d.study.accuracy.setting import Level, Setting, least

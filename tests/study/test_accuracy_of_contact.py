@@ -10,7 +10,7 @@ import pytest
 
 from ancf2d.case import LoadedCase, Static, load_case_text
 from ancf2d.study.accuracy.control import follows_way, solve_to_accuracy
-from ancf2d.study.accuracy.judging import judge, usable_levels
+from ancf2d.study.accuracy.estimates import judge, usable_levels
 from ancf2d.study.accuracy.setting import Level, Setting, with_setting
 from ancf2d.study.accuracy.steps import in_steps
 from ancf2d.study.goal import GoalValue, solve_for_goal

@@ -15,8 +15,8 @@ from ancf2d.case.numbers import CaseNumber, number_at, numbers_of
 from ancf2d.errors import CaseError, ComputationError
 from ancf2d.solvers.derivatives.differences import derivative
 from ancf2d.solvers.derivatives.statics import Equilibrium
+from ancf2d.study.expressions import Measures, Vocabulary, read_measure
 from ancf2d.study.gradient import derivatives, gradient
-from ancf2d.study.measures import Measures, Vocabulary, read_measure
 
 CANTILEVER = {
     "bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [2, 0]},

@@ -9,11 +9,11 @@ from test_study_motion_gradient import SCENE, solved
 import ancf2d
 from ancf2d.case.numbers import numbers_at
 from ancf2d.solvers.derivatives import motion, motion_states
-from ancf2d.solvers.motion import methods
-from ancf2d.solvers.post import Observer
+from ancf2d.solvers.motion import own_integrators
 from ancf2d.solvers.state import State
+from ancf2d.solvers.state_results import Observer
+from ancf2d.study.expressions import GoalValues, Measures, Vocabulary, read_measure
 from ancf2d.study.gradient import DifferentiableRun, derivatives, prepare
-from ancf2d.study.measures import GoalValues, Measures, Vocabulary, read_measure
 from ancf2d.study.record import Progress
 
 # held without multipliers, and by others where the case has them
@@ -125,7 +125,7 @@ def assert_runs(case, steps):
 @pytest.mark.slow
 def test_natural_strains_whose_rates_cause_viscous_forces(monkeypatch):
     """Kelvin-Voigt stress depends on strain rates minus those of natural strains: their load does not depend on lam."""
-    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+    monkeypatch.setattr(own_integrators, "TIGHT", 1e-13)
     bend = {"name": "bend", "type": "eigenstrain", "on": "arm", "curvature": 0.3,
             "amplitude": {"type": "sine", "frequency": 2}}
     stay = {"name": "stay", "type": "translational", "between": ["arm@0.7", [0.5, -0.4]], "stiffness": 300,
@@ -138,7 +138,7 @@ def test_natural_strains_whose_rates_cause_viscous_forces(monkeypatch):
 @pytest.mark.parametrize("goal", [{}, {"mean_over": [0.03, 0.2]}])
 def test_prescribed_motion_is_read_after_a_corner_of_a_signal(goal, monkeypatch):
     """The probe moves with the support at the end of its element, also if signals had a corner before."""
-    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+    monkeypatch.setattr(own_integrators, "TIGHT", 1e-13)
     push = {"name": "push", "type": "force", "at": "arm@0.4", "value": [0, -3],
             "amplitude": {"type": "table", "t": [0, 0.06, 0.2], "value": [0, 1, 0.3]}}
     case = swept({"probe": "middle", "quantity": "uy", **goal}, loads=[push])
@@ -163,7 +163,7 @@ def test_positions_of_probes_change_their_values(tmp_path):
     pytest.param("radau5", "peak_over: [0.0033, 0.0071]", marks=pytest.mark.slow)])
 def test_goals_over_windows(method, goal, monkeypatch, tmp_path):
     """Stored states at ends of steps and within them, and samples between them, are differentiated as read."""
-    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+    monkeypatch.setattr(own_integrators, "TIGHT", 1e-13)
     loaded = scene(tmp_path, method, CLAMP, "goal={probe: knee, quantity: ux, " + goal + "}")
     paths, h = ["loads.pull.value.0", "bodies.arm.material.rho"], 3e-5
     for variable, value in zip(numbers_at(loaded, paths), found(loaded, paths)[0], strict=True):

@@ -13,10 +13,10 @@ from ancf2d.kernels.motion import many_states
 from ancf2d.model.groups import unlike
 from ancf2d.solvers.derivatives import linear_steps
 from ancf2d.solvers.derivatives.varied_motions import VariedNumber
-from ancf2d.solvers.motion import methods
+from ancf2d.solvers.motion import own_integrators
 from ancf2d.solvers.motion.dynamic import Run
+from ancf2d.study.expressions import GoalValues
 from ancf2d.study.gradient import derivatives, gradient, prepare, varied
-from ancf2d.study.measures import GoalValues
 
 THROWN = {
     "bodies": {"stick": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
@@ -89,7 +89,7 @@ def solved(loaded, path, h):
                                     pytest.param(m, marks=pytest.mark.slow) for m in NUMBERS])
 def test_steps_are_differentiated(method, monkeypatch, tmp_path):
     """Derivatives are those of the discrete motion: central differences of runs, by every integrator."""
-    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+    monkeypatch.setattr(own_integrators, "TIGHT", 1e-13)
     (tmp_path / "scene.yaml").write_text(SCENE)
     # beyond the corner of a load
     changes = [f"solver.method={method}", "solver.t_end=0.006", *MORE.get(method, [])]
@@ -109,7 +109,7 @@ def test_steps_are_differentiated(method, monkeypatch, tmp_path):
     "type": "expression", "value": "1 - cos(6*t)"}}], ids=["free", "driven"])
 def test_reactions_of_a_mechanism(shaft, monkeypatch):
     """Forces depend on the tangent of a follower load at once, on positions after some time, on driven ones never."""
-    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+    monkeypatch.setattr(own_integrators, "TIGHT", 1e-13)
     bars = {name: {"geometry": {"type": "line", "start": start, "end": end},
                    "element": {"type": "rigid", "mass": 0.5, "inertia": 0.004}}
             for name, start, end in (("crank", [0, 0], [0.2, 0.1]), ("rod", [0.2, 0.1], [0.9, 0]))}

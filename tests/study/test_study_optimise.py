@@ -11,8 +11,8 @@ from ancf2d.case.numbers import text_with
 from ancf2d.errors import CaseError
 from ancf2d.solvers import stress
 from ancf2d.solvers.fields import FieldReader
+from ancf2d.study.expressions import Measures, Vocabulary, bounded, mass_of, read_measure
 from ancf2d.study.extremes import Evaluated
-from ancf2d.study.measures import Measures, Vocabulary, bounded, mass_of, read_measure
 from ancf2d.study.record import Progress
 from ancf2d.study.run import prepare, run_case, vocabulary
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from ancf2d.case import load_case_text
-from ancf2d.solvers.post import Observer
+from ancf2d.solvers.state_results import Observer
 from ancf2d.study.run import run_case, vocabulary
 
 STATES = 11

@@ -15,8 +15,8 @@ import stored_outputs
 from ancf2d.case import json_schema
 from ancf2d.case.compose import compose
 from ancf2d.case.nodes import Origin, plain_data
-from ancf2d.solvers.post import unbalanced_forces
 from ancf2d.solvers.state import State
+from ancf2d.solvers.state_results import unbalanced_forces
 from ancf2d.study.record import Progress
 from ancf2d.study.run import load, run_case, vocabulary
 from scripts import make_docs, verification_manual

@@ -15,8 +15,8 @@ from ...kernels.motion.dynamics import signals_at
 from ...kernels.motion.state import fill_full
 from ...model.model import Model
 from ..linear import unknowns_to_coordinates
-from ..post import Observer
 from ..state import Row, State
+from ..state_results import Observer
 from .differences import Quotient, UnsuitedError, error_of
 from .linear_steps import Change
 from .varied_motions import VariedNumber

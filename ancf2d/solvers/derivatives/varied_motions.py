@@ -16,11 +16,11 @@ from ...model.model import Model
 from ..motion.breaks import pass_break
 from ..motion.dynamic import Run
 from ..motion.integrators import INTEGRATORS, default_method
-from ..motion.methods import MAKERS
+from ..motion.own_integrators import MAKERS
 from ..motion.stepping import Stepper
 from .differences import FORWARD, LOWER, Quotient, UnsuitedError
-from .differing import Differing
 from .linear_steps import Change
+from .varied_equations import Differing
 
 CENTRAL, NEAR = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0, np.array([0.0, -0.5, 0.0, 0.5, 0.0])
 # models of a number for differences about it, or to one side of it; the same with two models and that of the case

@@ -41,7 +41,7 @@ from .feedback import MotionFeedback
 from .impacts import COLUMNS, Impacts
 from .initial import continues_from_file
 from .integrators import INTEGRATORS, default_method
-from .methods import MAKERS, Method, newton_tolerance
+from .own_integrators import MAKERS, Method, newton_tolerance
 from .problem import driving_signals, tracks_work, with_own_tables
 
 # approximate duration of a call of the kernels [s], for progress bars and interrupts

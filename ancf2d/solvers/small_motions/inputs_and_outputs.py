@@ -14,18 +14,18 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...interactions.forces import LoadSet
 from ...kernels.elements import natural_slope
-from ...model.interactions import Interactions
 from ...model.mesh import Index
 from ...model.point_patch import PointConstraint
+from ...model.point_tables import Interactions
 from ...model.points import PointRef
 from ...model.rotation import Rotation
 from ...model.timing import InputMotion
 from ...quantities import FORCES
 from ..element_loads import influencing_coordinates
 from ..linear import full_mass
-from ..post import asks_for_forces, velocity_of
 from ..section_forces import SectionForces, has_section_forces
 from ..state import State
+from ..state_results import asks_for_forces, velocity_of
 from .linearised import Linearised, Relaxing
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from ...case import StateSpace
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
-from ..refine import refined
+from ..iterative_refinement import refined
 from ..state import State
 from .eigen import mode_warnings, pair_warnings, pairs_of
 from .factors import Factors

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from ...model.interactions import Batch
+from ...model.point_tables import Batch
 from ..statics.newton import balanced
 from .inputs_and_outputs import Input
 from .linearised import Linearised

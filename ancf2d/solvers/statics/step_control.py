@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ...elements.shape import Array
 from ...errors import ComputationError
-from ..threads import chunks
+from ..long_vectors import chunks
 
 if TYPE_CHECKING:
     from ...model.model import Model

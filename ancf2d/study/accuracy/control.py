@@ -19,7 +19,7 @@ from ..run import Outcome, describe_goal, prepare, vocabulary
 from ..variants import Variant, flexible
 from ..windows import window_of
 from .direct import Direct
-from .judging import relative_distance
+from .estimates import relative_distance
 from .mesh import Ladder
 from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit
 from .setting import Level, with_setting

@@ -22,7 +22,7 @@ from ...model.curve import stretches
 from ..order import Estimate
 from ..run import Solve
 from ..variants import Variant, described
-from .judging import relative_distance
+from .estimates import relative_distance
 from .mesh import influence_by_body
 from .neighbours import Neighbour, Verdict, solve_neighbour, verdict_of, verdict_of_two
 from .pursuit import MOST_ELEMENTS, MOST_WORK, EstimateOf, Pursuit

@@ -8,7 +8,7 @@ from dataclasses import replace
 from ..goal import sequence
 from ..order import Estimate
 from ..variants import Variant
-from .judging import best, choose, judge, relative_distance, usable_levels
+from .estimates import best, choose, judge, relative_distance, usable_levels
 from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit
 from .setting import Level, Setting, meshed, with_setting
 

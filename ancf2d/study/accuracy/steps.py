@@ -14,7 +14,7 @@ from typing import Any
 from ..order import Estimate
 from ..variants import Variant
 from ..windows import window_of
-from .judging import judge, relative_distance
+from .estimates import judge, relative_distance
 from .mesh import influence_by_body
 from .neighbours import Verdict, verdict_of_two
 from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_WORK, Pursuit

@@ -13,7 +13,7 @@ from typing import Any
 import ancf2d
 from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.dynamic import solve_dynamic
-from ancf2d.solvers.post import Observer
+from ancf2d.solvers.state_results import Observer
 from ancf2d.study.run import prepare
 from scripts.pages import small, table
 

@@ -13,8 +13,8 @@ from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.elements.shape import Array
 from ancf2d.model.model import Model
 from ancf2d.solvers.energy import Energies
-from ancf2d.solvers.post import Observer
 from ancf2d.solvers.state import State
+from ancf2d.solvers.state_results import Observer
 from ancf2d.study.record import Progress
 from ancf2d.study.run import Outcome, run_case, vocabulary
 

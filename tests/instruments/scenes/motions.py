@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ancf2d.solvers.motion.integrators import DEFAULT, INTEGRATORS
-from ancf2d.solvers.post import Observer
 from ancf2d.solvers.state import State
+from ancf2d.solvers.state_results import Observer
 
 from .answer import Answer, answer, quantities
 from .compare import ILL, Finding, Scene, agree, announced, refusals

@@ -4,7 +4,7 @@ import helpers
 import numpy as np
 import pytest
 
-from ancf2d.solvers import threads
+from ancf2d.solvers import divided_groups
 from ancf2d.solvers.system import System
 
 ROUND = {"type": "arc", "center": [0, 0], "radius": 1.0, "from": 0, "to": 2 * np.pi}
@@ -12,7 +12,7 @@ LINE = {"type": "line", "start": [0, 0], "end": [2, 0]}
 
 
 def system_of(monkeypatch, wanted: int, shape=LINE, count: int = 40, name: str = "vallejo", **more) -> System:
-    monkeypatch.setattr(threads, "PART", 8)
+    monkeypatch.setattr(divided_groups, "PART", 8)
     monkeypatch.setenv("OMP_NUM_THREADS", str(wanted))
     bodies = {"b": helpers.body(shape, helpers.element(name, count))}
     return System(helpers.build(bodies, bc=[{"type": "clamp", "at": "b@0"}], **more))
@@ -35,7 +35,7 @@ def test_bits_are_the_same_for_any_number_of_threads(monkeypatch, name):
 
 def test_parts_add_up_to_the_whole(monkeypatch):
     parted = system_of(monkeypatch, 2)
-    monkeypatch.setattr(threads, "PART", 1000)
+    monkeypatch.setattr(divided_groups, "PART", 1000)
     whole = System(parted.model)
     assert [len(stage) for stage in whole.divided.stages] == [1]
     d = helpers.random_state(parted.model, 1e-3)
@@ -58,7 +58,7 @@ def test_parts_are_disjoint(monkeypatch, shape):
 
 def test_bodies_whose_ends_share_unknowns_are_not_divided(monkeypatch):
     """A weld makes the coordinates of the last node combinations of those of the first."""
-    monkeypatch.setattr(threads, "PART", 8)
+    monkeypatch.setattr(divided_groups, "PART", 8)
     ring = {"b": helpers.body(ROUND, helpers.element("vallejo", 40))}
     model = helpers.build(ring, joints=[{"type": "weld", "between": ["b@0", "b@1"]}],
                           bc=[{"type": "clamp", "at": "b@0.5"}])

@@ -340,7 +340,7 @@ class GoalValues:
 
     def terms(self, model: Model, states: Sequence[Any]) -> list[Term]:
         """Return the derivatives of the goals by probe quantities at each state."""
-        from ..solvers.post import Observer
+        from ..solvers.state_results import Observer
 
         observer, out = Observer(model, forces=False), list[Term]()
         for k, goal in enumerate(self.goals):
@@ -370,7 +370,7 @@ def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, force
     Reactions, energies and section forces at probes are included on request, all ``probes`` if none are named;
     ``goals`` over windows of time use all states.
     """
-    from ..solvers.post import Observer, energies, reactions
+    from ..solvers.state_results import Observer, energies, reactions
 
     state = states[-1]
     observer = Observer(model, named=probes)

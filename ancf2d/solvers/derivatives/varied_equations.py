@@ -18,9 +18,9 @@ from ...kernels.motion.state import scratch
 from ...kernels.points import Points
 from ...model.breakpoints import motion_pieces
 from ...model.groups import of_elements, unlike
-from ...model.interactions import point_table
 from ...model.mesh import Index
 from ...model.model import Model
+from ...model.point_tables import point_table
 from ..linear import fluid_masses, full_mass, point_masses, scattered, unknowns_to_coordinates
 from ..motion.dynamic import Run
 from ..motion.problem import make_problem, with_own_tables
