@@ -12,7 +12,7 @@ def force(x, y, par):
 @load(force, potential=False)
 @record
 class FixedLine:
-    """The part of the force on one end of the plate."""
+    """The part of the force on one end of a plate."""
 
     tag = "fixed_line"
     at: object = key(POINT, "End of the plate", example="plate@0")
