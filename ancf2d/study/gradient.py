@@ -209,7 +209,7 @@ class DifferentiableRun:
         return responses(self.model, states, all_states, goals), ""
 
     def compute_together(self, variables: Sequence[CaseNumber]) -> None:
-        """Compute together what is cheaper for several numbers than for each."""
+        """Compute together the parts that are cheaper for several numbers than for each."""
         self._choose_method(len(variables))
         steps = [(self._varied_model(v), STEP * size_of(v, self.model.extent)) for v in variables]
         if self.adjoint is not None:

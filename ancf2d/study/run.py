@@ -291,7 +291,7 @@ def checks(case: Case, summary: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def result_header(loaded: LoadedCase, command: str = "") -> dict[str, Any]:
-    """Return what every result file states about its case: text, name, digest of files, title, solver, units."""
+    """Return the header of every result file about its case: text, name, digest of files, title, solver, units."""
     case = loaded.case
     return {"case_text": loaded.text, "case_completed": loaded.completed, "case_name": loaded.source.file,
             "case_files": files_of(loaded), "overrides": list(loaded.overrides), "title": case.title,

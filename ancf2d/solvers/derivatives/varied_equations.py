@@ -1,4 +1,4 @@
-"""The effect of a number of a case on the equations of motion: varied models, reduced to what differs."""
+"""The effect of a number of a case on the equations of motion: varied models, reduced to the parts that differ."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _ALONG = {"p0": "field", "drift": "field", "dofs": "dof", "span": "dof", "G": "e
 
 
 class Differing:
-    """Problems of models with a number varied, reduced to what the number changes.
+    """Problems of models with a number varied, reduced to the parts that the number changes.
 
     ``weights`` (k, models) give k differences of the models' values. Raises UnsuitedError if the times of corners of
     signals change.

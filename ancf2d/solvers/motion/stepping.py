@@ -131,7 +131,7 @@ class Stepper:
         return self.t >= self.spec.t_end and self.failed is None
 
     def start(self, d: Array, v: Array, turned: Array) -> None:
-        """Start at full coordinates d with rates v, projected onto what supports and joints allow.
+        """Start at full coordinates d with rates v, projected onto the motions that supports and joints allow.
 
         ``turned`` (bodies,) is that of ``model.rotation.Turns``.
         """

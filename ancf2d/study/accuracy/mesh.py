@@ -31,12 +31,11 @@ NOISE = 0.25
 class Ladder:
     """Meshes of a case in fixed proportions: ``shares`` of each body, times a size."""
 
-    def __init__(self, pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None,
-                 shares: dict[str, float] | None = None) -> None:
+    def __init__(self, pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None) -> None:
         self.pursuit, self.types, self.tolerance = pursuit, types, tolerance
         self.method: str | None = None
         self.meshes = meshed(pursuit.loaded.case, types)
-        self.shares = shares or {name: float(mesh.least) for name, mesh in self.meshes.items()}
+        self.shares = {name: float(mesh.least) for name, mesh in self.meshes.items()}
         self.levels: list[Level] = []
 
     def setting(self, size: float) -> Setting:
