@@ -24,7 +24,7 @@ from scripts.pages import one_thread
 # files of few slow tests that take longest: begun last, they would leave one of two processes without work at the end
 FIRST = ("docs/test_documents", "study/test_study_fit", "cli/test_cli_first_run", "cli/test_cli_examples",
          "study/test_study_optimise", "solve/test_friction_between_bodies",
-         "study/test_study_gradient", "robustness/test_beside_own_equations", "robustness/test_endurance",
+         "study/test_study_gradient", "robustness/test_independent_equations", "robustness/test_endurance",
          "scripts/test_paper_report",
          "view/test_view_browser", "solve/test_contact_of_mirrored_bodies", "verification/test_verification_cases",
          "api/test_api", "solve/test_welds_and_objectivity", "results/test_results_resume", "cli/test_cli_resume",
