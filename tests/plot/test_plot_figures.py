@@ -229,7 +229,7 @@ def test_the_list_says_which_data_a_file_lacks(tmp_path: Path) -> None:
     found = {k.name: k for k in list_kinds(opened(mechanism(tmp_path / "a.h5")))}
     assert list(found) == list(KINDS)
     assert found["shape"].missing == found["history"].missing == ""
-    assert "without a load factor" in found["load_deflection"].missing
+    assert "not over a load factor" in found["load_deflection"].missing
     assert "no convergence table" in found["convergence"].missing
     assert found["shape"].options == ("scale", "state", "symbols")
     assert all(k.doc for k in found.values())
