@@ -47,8 +47,8 @@ def test_help_imports_no_library() -> None:
 
 
 @pytest.mark.parametrize("wanted", [None, "3"])
-def test_products_of_matrices_take_one_thread_unless_told_otherwise(monkeypatch: pytest.MonkeyPatch,
-                                                                    wanted: str | None) -> None:
+def test_products_of_matrices_take_one_thread_by_default(monkeypatch: pytest.MonkeyPatch,
+                                                         wanted: str | None) -> None:
     """OpenBLAS reads its number of threads when NumPy loads it: the command line must set it before."""
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     if wanted is not None:

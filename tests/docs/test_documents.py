@@ -154,6 +154,13 @@ def test_texts_use_one_term_for_each_idea() -> None:
     assert found == []
 
 
+def test_names_of_tests_have_nouns_as_subjects() -> None:
+    names = [name for path in (ROOT / "tests").rglob("test_*.py")
+             for name in re.findall(r"^def (test_\w+)", path.read_text(encoding="utf-8"), re.M)]
+    assert names
+    assert [name for name in names if re.match("test_(what|whatever|where|that)_", name)] == []
+
+
 def headings(document: Path) -> set[str]:
     """Return the anchors of the headings of a document."""
     text = re.sub(r"^```.*?^```$", "", document.read_text(encoding="utf-8"), flags=re.M | re.S)

@@ -63,7 +63,7 @@ def test_contradicting_rows_are_found(seed, n, m):
     assert (len(found) > 0) == (np.linalg.matrix_rank(np.column_stack([A, b])) > np.linalg.matrix_rank(A))
 
 
-def test_the_coordinate_that_moves_most_is_eliminated_whatever_the_units():
+def test_the_coordinate_that_moves_most_is_eliminated_in_any_units():
     row = Row(np.array([0, 1]), np.array([1.0, 1000.0]), "o", "h")
     assert list(eliminate([row], lambda c: 1.0).dependents) == [1]
     assert list(eliminate([row], lambda c: (1.0, 1e-6)[c]).dependents) == [0]

@@ -60,7 +60,7 @@ def test_the_axis_between_the_samples_is_that_of_the_shape_functions(tmp_path: P
 
 
 @pytest.mark.parametrize("kind", ["tangent", "interpolated", "theta"])
-def test_the_distance_of_two_circles_whatever_meshes_and_element_types(tmp_path: Path, kind: str) -> None:
+def test_the_distance_of_two_circles_for_any_meshes_and_element_types(tmp_path: Path, kind: str) -> None:
     one = beam(tmp_path, "one", kind, ne=300, angle=1.01)
     two = beam(tmp_path, "two", ne=40, angle=1.0)
     (axes,) = draw([one, two], "difference").axes

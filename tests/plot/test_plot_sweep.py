@@ -50,7 +50,7 @@ def test_lines_are_the_combinations_of_all_other_values(combined: Results) -> No
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("b.h", "tip uy [m]")
 
 
-def test_keys_with_equal_ends_are_told_apart(tmp_path: Path) -> None:
+def test_keys_with_equal_ends_have_distinct_labels(tmp_path: Path) -> None:
     columns = {"loads.0.tension": [1.0, 2.0, 1.0, 2.0], "loads.1.tension": [3.0, 3.0, 4.0, 4.0], "tip uy": [0.0] * 4}
     results = swept(tmp_path / "s.h5", columns, ["loads.0.tension", "loads.1.tension"])
     panel, = build(results, "sweep", over="0.tension").panels  # type: ignore[attr-defined]

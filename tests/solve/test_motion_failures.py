@@ -63,7 +63,7 @@ def test_states_before_a_failure_are_not_lost(method: str) -> None:
     np.testing.assert_allclose([s.t for s in states[:10]], 0.01 * np.arange(10), atol=1e-12)
 
 
-def test_a_motion_so_large_that_strains_are_lost_is_said_to_grow() -> None:
+def test_a_motion_so_large_that_strains_are_lost_is_reported_to_grow() -> None:
     """Positions have 16 digits, so beyond 1e9 times the size of a model hardly any are left for strains."""
     model = h.build({"a": rod("cable", 1)}, {"type": "dynamic", "t_end": 1.0, "dt": 0.01}, loads=GRAVITY)
     motion = Run(model, model.case.solver)

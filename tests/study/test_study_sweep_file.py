@@ -53,7 +53,7 @@ def test_ranges(text: str, values: list[Any]) -> None:
     assert [type(v) for v in axis.values] == [type(v) for v in values]
 
 
-def test_wrong_ranges_and_distributions_are_told_together() -> None:
+def test_wrong_ranges_and_distributions_are_reported_together() -> None:
     wrong = ["a=1:2", "b=1:2:1", "c=log:0:1:3", "d=1:x:3", "e=1:2:3:4", "f=log:1:2:2.5"]
     with pytest.raises(CaseError) as found:
         read_axes(wrong)
