@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .errors import ResultsError as ResultsError
     from .results import Results as Results
     from .results import open_results as open_results
-    from .solvers.discrete import DiscreteModel as DiscreteModel
+    from .solvers.discrete_model import DiscreteModel as DiscreteModel
 
 __version__ = "0.1.0"
 
@@ -32,7 +32,7 @@ __version__ = "0.1.0"
 _PLACES = {
     "load": "api", "solve": "api", "convergence": "api", "sensitivity": "api", "optimise": "api", "fit": "api",
     "system": "api", "Solution": "api",
-    "LoadedCase": "case", "DiscreteModel": "solvers.discrete",
+    "LoadedCase": "case", "DiscreteModel": "solvers.discrete_model",
     "open_results": "results", "Results": "results", "Convergence": "api",
     "Ancf2dError": "errors", "CaseError": "errors", "ComputationError": "errors", "ResultsError": "errors",
 }

@@ -1,4 +1,4 @@
-"""The errors that ancf2d expects; each carries what its reader needs to know."""
+"""The errors that ancf2d expects; each carries the information that its reader needs."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from bisect import bisect_left
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 # largest number of stored marks
@@ -27,18 +27,18 @@ class Pace:
     alternate have a ``Pace`` each; ``running`` counts the seconds of one.
     """
 
-    def __init__(self, work: float = 0.0, clock: Callable[[], float] = time.monotonic, eases: bool = True) -> None:
-        self.seconds, self.clock, self.eases = 0.0, clock, eases
+    def __init__(self, work: float = 0.0, eases: bool = True) -> None:
+        self.seconds, self.eases = 0.0, eases
         self.at, self.work = [0.0], [work]
 
     @contextmanager
     def running(self) -> Iterator[None]:
         """Add the duration of the block to the seconds spent."""
-        began = self.clock()
+        began = time.monotonic()
         try:
             yield
         finally:
-            self.seconds += self.clock() - began
+            self.seconds += time.monotonic() - began
 
     def mark(self, work: float, seconds: float | None = None, within: Sequence[float] = ()) -> None:
         """Store the total amount of work done after the given seconds (default: those counted by ``running``).

@@ -11,7 +11,7 @@ _UNITS = {"position": "m", "displacement": "m", "rotation": "rad", "velocity": "
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity. Those of one kind have one unit and one scale: what is tiny beside the largest is round-off."""
+    """A quantity. Those of one kind have one unit and one scale: values tiny beside the largest are round-off."""
 
     name: str
     kind: str

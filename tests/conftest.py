@@ -24,7 +24,7 @@ from scripts.pages import one_thread
 # files of few slow tests that take longest: begun last, they would leave one of two processes without work at the end
 FIRST = ("docs/test_documents", "study/test_study_fit", "cli/test_cli_first_run", "cli/test_cli_examples",
          "study/test_study_optimise", "solve/test_friction_between_bodies",
-         "study/test_study_gradient", "robustness/test_beside_own_equations", "robustness/test_endurance",
+         "study/test_study_gradient", "robustness/test_independent_equations", "robustness/test_endurance",
          "scripts/test_paper_report",
          "view/test_view_browser", "solve/test_contact_of_mirrored_bodies", "verification/test_verification_cases",
          "api/test_api", "solve/test_welds_and_objectivity", "results/test_results_resume", "cli/test_cli_resume",
@@ -60,7 +60,7 @@ gc.set_threshold(100_000, 50, 1000)
 
 
 class Compiling:
-    """A process that compiles kernels; ``over`` is a file that is there as soon as it has ended."""
+    """A process that compiles kernels; the file ``over`` exists once it has ended."""
 
     def __init__(self, folder: Path) -> None:
         self._place = TemporaryDirectory()
@@ -84,12 +84,12 @@ class Compiling:
 
 @cache
 def is_early(path: Path) -> bool:
-    """Whether a file of tests is run while kernels are compiled."""
+    """Whether a test file runs while kernels are compiled."""
     return path.relative_to(Path(__file__).parent).parts[0] in EARLY and path.name not in LATER
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Gather the rows of tables where these are asked for."""
+    """Gather the rows of tables if ``--pages`` is given."""
     if config.getoption("pages") or config.getoption("trials") is not None:
         config.pluginmanager.register(tables.Measured(config))
 
@@ -121,7 +121,7 @@ def pytest_itemcollected(item: pytest.Item) -> None:
 
 
 def check_slow_rows(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Raise UsageError where a mark ``slow_rows`` names a row that its test does not have."""
+    """Raise UsageError if a mark ``slow_rows`` names a row that its test does not have."""
     if any("::" in path for path in config.args):
         return
     lacking = {(item.nodeid.split("[")[0], row) for item in items for mark in item.iter_markers("slow_rows")
@@ -132,7 +132,7 @@ def check_slow_rows(config: pytest.Config, items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Begin with the files that take longest; before them in the quick tier, with those that need no kernels."""
+    """Start with the slowest files; before them, in the quick tier, with files that need no kernels."""
     tables.wanted(config, items)
     check_slow_rows(config, items)
     place = {f"{name}.py": k for k, name in enumerate(FIRST)}
@@ -146,7 +146,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_setupnodes(config: pytest.Config) -> None:
-    """Begin to compile the kernels that processes would otherwise each compile, or wait for one another."""
+    """Start compiling kernels that each process would otherwise compile or wait for."""
     from ancf2d.kernels.lowlevel.jit import cache_is_cold
 
     everything = [Path(path).resolve() for path in config.args] == [config.rootpath / "tests"]
@@ -156,14 +156,14 @@ def pytest_xdist_setupnodes(config: pytest.Config) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_configure_node(node: Any) -> None:
-    """Tell a process that runs tests what to wait for."""
+    """Tell a test process what to wait for."""
     if COMPILING in node.config.stash:
         node.workerinput["compiled"] = str(node.config.stash[COMPILING].over)
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """Wait for kernels before a test that may need some, while the time that it may take does not run yet."""
+    """Wait for kernels before a test that may need some, outside the time limit of the test."""
     compiled = getattr(item.config, "workerinput", {}).get("compiled")
     while compiled is not None and not is_early(item.path) and not Path(compiled).exists():
         time.sleep(0.1)
@@ -172,7 +172,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Fail where the kernels could not be compiled."""
+    """Fail if the kernels could not be compiled."""
     if COMPILING in session.config.stash and session.config.stash[COMPILING].end() != 0:
         pytest.exit("the kernels could not be compiled", returncode=1)
 

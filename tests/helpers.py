@@ -1,4 +1,4 @@
-"""What the mathematical tests share: every element type and formulation of the registry, and scenes as plain data."""
+"""Shared by the mathematical tests: every element type and formulation of the registry, and scenes as plain data."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from ancf2d.elements.definition import ElementType
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS, FAMILY, ancf
 from ancf2d.model.build import build_model
-from ancf2d.model.interactions import Batch, batches
 from ancf2d.model.model import Model
+from ancf2d.model.point_tables import Batch, batches
 from ancf2d.model.points import PointRef, dot, point_ref
 from ancf2d.model.rotation import Rotation
 from ancf2d.solvers.section_forces import SectionForces
@@ -49,7 +49,7 @@ STEEL = {"E": 2.07e11, "nu": 0.3, "rho": 7850}
 
 
 def chosen(values: Any, few: Any) -> list[Any]:
-    """Return all of ``values`` for ``parametrize``; those that do not begin as one of ``few`` are slow tests."""
+    """Return all of ``values`` for ``parametrize``, as slow tests except those that begin as one of ``few``."""
     rows = [value if isinstance(value, tuple) else (value,) for value in values]
     starts = [value if isinstance(value, tuple) else (value,) for value in few]
     return [pytest.param(*row, id="-".join(map(str, row)),
@@ -79,14 +79,14 @@ def covering(few: Mapping[str, Sequence[Any]] | None = None, **axes: Collection[
 
 
 def pairwise(**axes: Collection[Any]) -> pytest.MarkDecorator:
-    """Return ``parametrize`` over as many rows of a product that any two values of different axes meet."""
+    """Return ``parametrize`` over as many rows of a product as it takes to pair any two values of different axes."""
     rows = list(product(*axes.values()))
     return pytest.mark.parametrize(tuple(axes), [pytest.param(*rows[k], id="-".join(map(str, rows[k])))
                                                  for k in sorted(_pairs(rows, []))])
 
 
 def _pairs(rows: list[tuple[Any, ...]], begun: list[int]) -> list[int]:
-    """Return which rows it takes that all pairs meet which meet in any row: those begun with, and few more."""
+    """Return rows that contain every pair found in any row: the given rows and few more."""
     numbers: dict[Any, int] = {}
     masks = []
     for row in rows:
@@ -103,7 +103,7 @@ def _pairs(rows: list[tuple[Any, ...]], begun: list[int]) -> list[int]:
 
 
 def _sample(rows: list[frozenset[tuple[str, str]]]) -> set[frozenset[tuple[str, str]]]:
-    """Return rows that hold whatever is in any of them; whatever meets in one has met in as few as possible before."""
+    """Return rows that contain every value of any row; pairs are repeated as little as possible."""
     missing = set[tuple[str, str]]().union(*rows)
     met: Counter[Any] = Counter()
     found = set()
@@ -180,7 +180,7 @@ def build(*args: Any, **scene: Any) -> Model:
 
 
 class Solution:
-    """All states of a solved scene, read at points."""
+    """All states of a solved scene, evaluated at points."""
 
     def __init__(self, model: Model) -> None:
         from ancf2d.solvers.registry import solve
@@ -214,7 +214,7 @@ class Solution:
 
     def reactions(self) -> dict[str, dict[str, float]]:
         """Return the reactions of every support."""
-        from ancf2d.solvers.post import reactions
+        from ancf2d.solvers.state_results import reactions
 
         return reactions(self.model, self.state)
 
@@ -251,7 +251,7 @@ def tip(fx: float, fy: float, **more: Any) -> list[dict[str, Any]]:
 
 
 def rotate(d: np.ndarray, model: Model, angle: float, shift: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-    """Return the displacements that turn every nodal coordinate e0 + d about the origin and shift it."""
+    """Return the displacements that rotate every nodal coordinate e0 + d about the origin and shift it."""
     e, out = model.e0 + d, np.empty_like(d)
     c, s = np.cos(angle), np.sin(angle)
     for mesh in model.meshes.values():
@@ -267,7 +267,7 @@ def rotate(d: np.ndarray, model: Model, angle: float, shift: tuple[float, float]
 
 
 def random_state(model: Model, size: float, seed: int = 0) -> np.ndarray:
-    """Return random displacements (n_full,), each of about ``size`` times what a unit displacement stands for."""
+    """Return random displacements (n_full,), each about ``size`` times the unit displacement of its coordinate."""
     rng = np.random.default_rng(seed)
     d = np.zeros(len(model.numbering.place))
     d[: model.n_q] = size * rng.uniform(-1, 1, model.n_q) / model.weights
@@ -292,7 +292,7 @@ def constraint_at(constraint: Any, d: np.ndarray, t: float) -> tuple[float, np.n
 
 
 def dense(target: Any, n: int) -> np.ndarray:
-    """Return the matrix that kernels filled as a full array (n, n)."""
+    """Return a matrix filled by kernels as a full array (n, n)."""
     kind, A = type(target).__name__, target.values
     out = np.zeros((n, n))
     if kind == "SymBand":

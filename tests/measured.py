@@ -1,4 +1,4 @@
-"""Tables of docs/ that are made of what came of tests.
+"""Tables of docs/ that are made from the results of tests.
 
 The fixture ``measured`` notes a row, in whatever process a test runs. ``--pages`` writes the tables; ``--trials`` says
 how many trials of each random kind there are.
@@ -24,7 +24,7 @@ def options(parser: pytest.Parser) -> None:
 
 
 def numbered(metafunc: pytest.Metafunc) -> None:
-    """Give a test with the mark ``trials`` its numbers: as many as are asked for, or the few of the mark."""
+    """Number the trials of a test with the mark ``trials``: as many as requested, or the few of the mark."""
     mark, config = metafunc.definition.get_closest_marker("trials"), metafunc.config
     if mark is not None:
         first, count = config.getoption("first"), config.getoption("trials")
@@ -32,7 +32,7 @@ def numbered(metafunc: pytest.Metafunc) -> None:
 
 
 def wanted(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Keep the tests that are asked for: those that only make tables run with ``--pages``, and then no others."""
+    """Keep the requested tests: tests that only make tables run with ``--pages``, and then no others."""
     marks = {"trials"} if config.getoption("trials") is not None else set()
     marks |= {"pages", "trials"} if config.getoption("pages") else set()
     others = [item for item in items if (not any(item.get_closest_marker(mark) for mark in marks) if marks else
@@ -50,7 +50,7 @@ class Measured:
         self.rows: dict[tuple[str, str, str], list[Any]] = {}
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Take what a test has noted."""
+        """Store the rows that a test has noted."""
         if report.when == "call":
             for name, note in report.user_properties:
                 if name == "measured":

@@ -1,4 +1,4 @@
-"""Which folder may import which, that no modules import each other, and that files and functions stay short."""
+"""Imports between folders, import cycles, and the sizes of files and functions."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ LONG = {"advance": 80, "run_with_gradient": 60, "consistent": 60, "_with_border"
 
 
 def imported(path: Path) -> Iterator[str]:
-    """The rooms that a file imports from."""
+    """Return the folders that a file imports from."""
     parts = ("ancf2d", *path.relative_to(PACKAGE).parent.parts)
     for node in NODES()[path]:
         names: list[str] = []
@@ -64,18 +64,18 @@ def test_inner_parts_of_numba_are_used_in_one_folder() -> None:
 
 
 @pytest.mark.parametrize("room", ROOMS)
-def test_rooms_import_from_those_below(room: str) -> None:
+def test_folders_import_only_from_those_below(room: str) -> None:
     wrong = [f"{path.relative_to(PACKAGE)} imports {other}"
              for path in SOURCES() if path.is_relative_to(PACKAGE / room)
              for other in imported(path) if other not in BELOW[room] | BASE | {room}]
     assert not wrong
 
 
-def test_every_room_is_known() -> None:
+def test_every_folder_is_known() -> None:
     assert sorted(p.name for p in PACKAGE.iterdir() if p.is_dir() and any(p.glob("*.py"))) == ROOMS
 
 
-def test_the_architecture_page_tells_who_may_import_whom() -> None:
+def test_the_architecture_page_has_the_allowed_imports() -> None:
     rows = re.findall(r"^\| `(\w+)/` \| .* \| (.*) \|$", ARCHITECTURE, re.M)
     assert {room: set(re.findall(r"`(\w+)/`", others)) for room, others in rows} == BELOW
     named = re.search(r"modules at the top: (.*?)\.\s", ARCHITECTURE.replace("`", ""), re.S)
@@ -83,7 +83,7 @@ def test_the_architecture_page_tells_who_may_import_whom() -> None:
     assert set(re.findall(r"(\w+)\.py", named[1])) == BASE - {"__version__"}
 
 
-def test_the_architecture_page_names_every_folder_and_nothing_that_is_not_there() -> None:
+def test_the_architecture_page_names_every_folder_and_only_existing_files() -> None:
     named = set(re.findall(r"`([\w./-]+(?:/|\.py))`", ARCHITECTURE))
     assert [name for name in sorted(named) if not ((PACKAGE / name).exists() or (ROOT / name).exists())] == []
     folders = {f"{path.relative_to(PACKAGE).as_posix()}/" for path in PACKAGE.rglob("*")
@@ -92,7 +92,7 @@ def test_the_architecture_page_names_every_folder_and_nothing_that_is_not_there(
 
 
 def test_modules_do_not_import_each_other() -> None:
-    """Imports within functions and for types alone count too: they hide a cycle and do not break it."""
+    """Imports inside functions and for types count too: they hide a cycle and do not break it."""
     assert inner_cycles(PACKAGE, SOURCES()) == []
 
 
@@ -111,7 +111,7 @@ def test_cycles_are_found_wherever_a_module_is_imported(tmp_path: Path) -> None:
 
 
 def test_no_module_binds_a_name_twice() -> None:
-    """The latter value would hold for what is written above it too."""
+    """The later value would replace the earlier one for the code above it too."""
     twice = []
     for path, tree in SOURCES().items():
         names = []
@@ -136,7 +136,7 @@ def test_lines_of_code_are_those_of_statements(tmp_path: Path) -> None:
     assert code_lines(path, sources(tmp_path)[path]) == 5
 
 
-def test_scripts_are_a_package_that_takes_nothing_from_the_tests() -> None:
+def test_scripts_do_not_import_tests() -> None:
     tests = {path.stem for path in (ROOT / "tests").rglob("*.py")}
     wrong = []
     for path, tree in sources(ROOT / "scripts").items():
@@ -162,7 +162,7 @@ def test_files_and_functions_are_short() -> None:
 
 
 def test_rows_of_fixtures_have_no_marks() -> None:
-    """Tests whose fixtures had a mark ``slow`` on some of their rows would be left out of both tiers (``conftest``)."""
+    """Tests with a mark ``slow`` on some rows of a fixture would be left out of both tiers (``conftest``)."""
     found = []
     for path in sorted((ROOT / "tests").rglob("*.py")):
         text = path.read_text("utf-8")

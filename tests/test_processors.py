@@ -1,4 +1,4 @@
-"""A copy of the process that works meanwhile: its work is there at the end, and it never outlives the block."""
+"""A forked copy of the process: its work is available at the end, and it never outlives its block."""
 
 import os
 import sys
@@ -20,7 +20,7 @@ def two_processors(monkeypatch):
 
 
 def children() -> set[str]:
-    """The processes that this one has started, which may have others than the copy."""
+    """Return the child processes of this process."""
     return set(Path(f"/proc/self/task/{threading.get_native_id()}/children").read_text().split())
 
 
@@ -36,7 +36,7 @@ def test_the_work_of_the_copy_is_done_at_the_end_and_by_the_copy_alone(tmp_path)
     assert children() == before
 
 
-def test_what_goes_wrong_in_the_copy_is_not_told(capfd):
+def test_failures_in_the_copy_are_silent(capfd):
     def work():
         print("never seen")
         raise ValueError("never seen")

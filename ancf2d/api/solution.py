@@ -31,7 +31,7 @@ SMALLEST = 1e-300
 # greatest number of points along all bodies, to limit the size of the page
 MOST_POINTS = 4000
 REFERENCE, NOW = "#999999", "#1f5fa8"
-# what functions of paths expect
+# the argument that functions of paths expect
 PATHS = "paths, such as ['bodies.beam.section.height']"
 
 

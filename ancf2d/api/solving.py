@@ -30,7 +30,7 @@ from ..study.variants import Variant, parse_variants
 from .solution import PATHS, Convergence, Solution, Temporary, raise_type_error, texts_of
 
 if TYPE_CHECKING:
-    from ..solvers.discrete import DiscreteModel
+    from ..solvers.discrete_model import DiscreteModel
     from ..study.fit import Fit
 
 CaseLike: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | LoadedCase"
@@ -258,7 +258,7 @@ def system(case: CaseLike, overrides: Overrides = ()) -> DiscreteModel:
         raise CaseError("accuracy, or element type auto, leaves the mesh to be chosen while the case is solved; give "
                         "every body an element type and count, and no accuracy")
     model = prepare(loaded)
-    from ..solvers.discrete import DiscreteModel
+    from ..solvers.discrete_model import DiscreteModel
 
     return DiscreteModel(model)
 

@@ -1,4 +1,4 @@
-"""What all kinds of values share while a case is read: the problems, and the wording of their messages."""
+"""The reader of values of all kinds: it collects problems and words their messages."""
 
 from __future__ import annotations
 
@@ -38,6 +38,12 @@ class Issue(NamedTuple):
     message: str
     expected: str = ""
     near: str = ""
+
+
+def reversed_range(start: float, end: float) -> Iterator[Issue]:
+    """Yield an issue if the key ``from`` of a record is not less than ``to``."""
+    if not start < end:
+        yield Issue(("to",), f"{{}}: from must be less than to, got from {start:g} to {end:g}")
 
 
 @record

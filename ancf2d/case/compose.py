@@ -60,7 +60,7 @@ def read_text(path: str | os.PathLike[str],
     if len(data) > MAX_BYTES:
         raise CaseError(Problem(f"the file is larger than {MAX_BYTES // 2**20} MB", file=name))
     if data.startswith(_HDF5):
-        raise CaseError(Problem("this is an HDF5 file, such as a result file, and no text", file=name,
+        raise CaseError(Problem("this is an HDF5 file, such as a result file, not text", file=name,
                                 expected=expected))
     try:
         return data.decode("utf-8-sig")

@@ -21,7 +21,7 @@ _YAML11 = ("yes", "no", "on", "off")
 
 
 def walk(value: Any, path: Path = (), known: KnownRecords | None = None) -> list[tuple[Path, Any, str]]:
-    """Return every value of a case at and below ``value`` as (path, value, what its text refers to).
+    """Return every value of a case at and below ``value`` as (path, value, list to whose names it refers).
 
     The values below ``known`` records are listed once and reused.
     """

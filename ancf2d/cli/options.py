@@ -142,7 +142,7 @@ scheduler_option = click.option("--scheduler", metavar="ADDRESS", help="Run on t
 
 
 def parsed(read: Callable[[str], Any], accepts: Callable[[Any], bool], otherwise: str) -> Callable[..., Any]:
-    """Return the callback of an option whose text is ``read``; what raises ValueError or is not accepted is refused.
+    """Return the callback of an option whose text is ``read``; it refuses any other text.
 
     ``otherwise`` says what such a text is not, and what is expected.
     """

@@ -39,7 +39,7 @@ def _size(ctx: click.Context, parameter: click.Parameter, value: str | None) -> 
 @click.argument("arguments", nargs=-1, required=True, type=click.Path(), metavar="OUT.h5... [KIND]",
                 shell_complete=complete_kinds)
 @click.option("-o", "--save", type=click.Path(), metavar="FILE", help="Write the figure: .png, .pdf, .svg, ... "
-              "Default, unless another output is asked for: NAME-KIND.png in the working directory.")
+              "Default, unless another output is requested: NAME-KIND.png in the working directory.")
 @click.option("--show", is_flag=True, help="Open a window (needs a display).")
 @click.option("--data", type=click.Path(), metavar="FILE.csv", help="Write the plotted values as a table.")
 @click.option("--animate", type=click.Path(), metavar="FILE", help="Write an animation: .gif, or .mp4 if ffmpeg is "

@@ -219,7 +219,7 @@ def _verdict(check: dict[str, Any]) -> str:
 
 def built_report(model: Any) -> str:
     """Return the text of ``-v`` on a model: its parts, and the parts that were left out as not needed."""
-    from ..solvers.post import asks_for_forces
+    from ..solvers.state_results import asks_for_forces
 
     num, lines = model.numbering, []
     for name, mesh in model.meshes.items():
@@ -242,7 +242,7 @@ def built_report(model: Any) -> str:
     lines.append(f"kernels: force, tangent and energy of {formulations or 'no body'}")
     left_out = ["mass matrix (static)"] if model.case.solver.balances else []
     left_out += [] if num.n_multipliers else ["multipliers (every support and joint could be eliminated)"]
-    left_out += [] if asks_for_forces(model.case) else ["section forces (not asked for)"]
+    left_out += [] if asks_for_forces(model.case) else ["section forces (not requested)"]
     lines.append("left out: " + ", ".join(left_out))
     return "\n".join(lines)
 

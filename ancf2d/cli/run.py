@@ -51,14 +51,14 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
             resume: bool, force: bool, accuracy: float | None) -> int:
     """Solve a case and write an HDF5 result file.
 
-    Prints probes, reactions, and computed next to expected values. A rerun replaces its own earlier result once it has
+    Prints probes, reactions, and expected next to computed values. A rerun replaces its own earlier result once it has
     succeeded.
     """
     session.subject = {"case": case}
     out = output if output is not None else f"{case_stem(case)}.h5"
     more = () if accuracy is None else (f"accuracy={accuracy!r}",)
     loaded = read_case(case, (*overrides, *more), out, force)
-    from ..solvers.post import unbalanced_forces
+    from ..solvers.state_results import unbalanced_forces
     from ..study.accuracy.control import is_pursued
     from ..study.record import Progress, run_end
     from ..study.run import run_case, solver_name

@@ -56,8 +56,8 @@ def folder_name(ctx: click.Context, parameter: click.Parameter, value: str | Non
 @click.option("--over", "over", multiple=True, metavar="PATH=A,B,...",
               help="A key of the case and its values, in YAML, separated by commas; 0.1:0.5:20 means 20 values from "
               "0.1 to 0.5, log:0.1:10:5 five in equal ratios. If given several times, all combinations are run.")
-@click.option("--pair", is_flag=True, help="Run the lists of all --over in parallel instead of all combinations: the "
-              "first values of all lists, then the second ones, and so on.")
+@click.option("--pair", is_flag=True, help="Pair the lists of all --over instead of combining them: the first values "
+              "of all lists, then the second ones, and so on.")
 @click.option("--sample", "sample", multiple=True, metavar='"PATH~LAW(...)"',
               help="A key of the case and its distribution: normal(mean, sd), uniform(a, b), or lognormal(mu, sigma) "
               "with mean and standard deviation of the logarithm. May be given several times.")

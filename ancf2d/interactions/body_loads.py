@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..case.binder import Issue
+from ..case.binder import Issue, reversed_range
 from ..case.declare import key, record
 from ..case.kinds import NAME, Flag, Name, Number, Vector
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
@@ -262,9 +262,7 @@ class Distributed:
 
     def check(self) -> Iterator[Issue]:
         """Yield issues for an extent that is empty or reversed, and for formulas that cannot be used."""
-        if not self.from_ < self.to:
-            yield Issue(("to",), f"{{}}: from must be less than to, got from {self.from_:g} "
-                        f"to {self.to:g}")
+        yield from reversed_range(self.from_, self.to)
         if is_formula(self.value):
             if self.follower:
                 yield Issue(("follower",), "{}: a load that depends on the motion of its points cannot follow the body",
@@ -314,8 +312,7 @@ def _places(load: Eigenstrain | Temperature, *parts: AlongBody) -> tuple[str, tu
 
 
 def _issues(load: Eigenstrain | Temperature, empty: str) -> Iterator[Issue]:
-    if not load.from_ < load.to:
-        yield Issue(("to",), f"{{}}: from must be less than to, got from {load.from_:g} to {load.to:g}")
+    yield from reversed_range(load.from_, load.to)
     if empty:
         yield Issue((), f"{{}} has no effect: {empty} are both 0", f"{empty.replace(' and ', ', ')} or both")
 

@@ -21,8 +21,9 @@ from ..case.schema.profiles import Profile
 from ..elements.point_laws import THETA, PointLaw, turn_hessian
 from ..elements.shape import Array
 from ..model import profiles
+from ..model.law_constants import Slope, constants_of
 from ..model.mesh import BodyMesh, Index
-from ..model.point_patch import PointPatch, Slope, constants_of, position_fields, turn_fields
+from ..model.point_patch import PointPatch, position_fields, turn_fields
 from ..model.points import PointRef
 from .moving import MovingPatch, moving_force
 

@@ -20,14 +20,13 @@ from ..case.schema.points import ENDS, SPRING_ENDS, GroundPoint, MovingPoint, Po
 from ..elements.point_laws import DIRECTION, PointLaw
 from ..elements.shape import Array
 from ..errors import PluginError
+from ..model.law_constants import Slope, constants_of
 from ..model.mesh import BodyMesh
 from ..model.point_patch import (
     NOTHING,
     Field,
     PointPatch,
-    Slope,
     constant_field,
-    constants_of,
     position_fields,
     turn_fields_of_ends,
 )

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..case.binder import Issue
+from ..case.binder import Issue, reversed_range
 from ..case.declare import key, record
 from ..case.kinds import NAME, ListOf, Name, Number, Vector
 from ..case.records import ByShape, Record
@@ -295,8 +295,7 @@ class Tendon:
         elif self.tension is not None and self.slack:
             yield Issue(("slack",), "{}.slack: a tendon of given tension has no unstretched length",
                         "stiffness in place of tension, or no slack")
-        if not self.from_ < self.to:
-            yield Issue(("to",), f"{{}}: from must be less than to, got from {self.from_:g} to {self.to:g}")
+        yield from reversed_range(self.from_, self.to)
         if self.friction:
             yield Issue(("friction",), f"{{}}.friction is {self.friction:g}: tendons slide without friction",
                         "friction: 0, or none")

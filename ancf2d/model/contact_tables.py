@@ -35,8 +35,8 @@ from ..interactions.body_contact import BodyPair, facing_table
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint, movable_by_element
 from ..kernels.curves import point_accept
 from ..kernels.lowlevel.records import Record
-from .interactions import point_table
 from .mesh import Index
+from .point_tables import point_table
 from .timing import rates_of
 
 # depth between closed points that counts as none where curves are not cubic, relative to the extent of the scene, and

@@ -20,7 +20,7 @@ from ..interactions.obstacles import Frame
 from .mesh import BodyMesh
 
 if TYPE_CHECKING:
-    from .interactions import Interactions
+    from .point_tables import Interactions
 
 # largest overlap in the reference, relative to the extent of a model
 OVERLAP = 1e-9

@@ -258,7 +258,7 @@ BLOCK = 2048
 
 
 def _orientation(pool: Pool, some: slice | Index, e: Array, before: Array | None) -> Array:
-    """Return what must stay positive along the axis of some elements (elements, stations), given their coordinates.
+    """Return a measure that must stay positive along the axis of elements (elements, stations), at coordinates e.
 
     This is the area dr/dx x dr/dy for interpolated sections, the stretch along the section's normal for sections with
     theta, and for sections normal to the axis the scalar product of its tangent with that of ``before`` (1 if None).

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ..interactions.obstacles import Frame
     from .contact_tables import ContactTable
     from .feedback import Feedback
-    from .interactions import Interactions
+    from .point_tables import Interactions
 
 
 def symmetric(loads: LoadSet, contacts: Sequence[ContactPair | BodyPair] = ()) -> bool:
@@ -284,7 +284,7 @@ class Model:
     def interactions(self) -> Interactions:
         """Springs, turning and moving loads and constraints in the form that the kernels need (imports numba)."""
         from .contacts import set_stick_stiffness
-        from .interactions import Interactions
+        from .point_tables import Interactions
 
         out = Interactions(self.springs, self.loads.patches, self.constraints, self.e0, self.loads.flows)
         set_stick_stiffness(self, out)

@@ -102,7 +102,7 @@ class Numbering:
         return out
 
     def reduce_sizes(self, full: Array) -> Array:
-        """Return |T|^T full, for upper bounds ``full`` (n_full,) of forces: upper bounds of what ``reduce`` returns.
+        """Return |T|^T full, for upper bounds ``full`` (n_full,) of forces: upper bounds of the result of ``reduce``.
 
         May overwrite ``full``.
         """

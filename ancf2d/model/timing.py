@@ -121,7 +121,7 @@ class Timing:
 class TimeTiming(Timing):
     """Timing over time: without an amplitude, loads are constant. Everything is a Signal, which kernels can evaluate.
 
-    ``feedback`` are the signals that depend on the motion, each once; ``latches`` switch what waits for conditions.
+    ``feedback`` are the signals that depend on the motion, each once; ``latches`` switch by conditions.
     """
 
     def __init__(self) -> None:
@@ -170,7 +170,7 @@ class InputTiming(Timing):
 
 
 class PathTiming(Timing):
-    """Timing along a path: the load factor scales what has no amplitude; the rest is constant at its value for t = 1.
+    """Timing along a path: the load factor scales loads without an amplitude; others have their value for t = 1.
 
     While ``preloading``, t scales the constant part from the reference and the rest is absent: a path starts at load
     factor 0 from the equilibrium of the constant part. ``constant``: whether there is such a part.

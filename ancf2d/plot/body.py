@@ -138,12 +138,12 @@ def even_states(t: np.ndarray, count: int) -> Sequence[int]:
 
 
 def no_bodies(results: Results) -> str:
-    """Return what a file without bodies lacks, else an empty text."""
+    """Return the data that a file without bodies lacks, else an empty text."""
     return "" if results.bodies else "it holds no bodies"
 
 
 def no_states(results: Results) -> str:
-    """Return what a file without bodies or states lacks, else an empty text."""
+    """Return the data that a file without bodies or states lacks, else an empty text."""
     return no_bodies(results) or ("" if results.nt else "it holds no states")
 
 

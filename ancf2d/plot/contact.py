@@ -71,7 +71,7 @@ class Zones:
         style.verbatim(bar.ax.set_xlabel(style.label("pressure per length", self.units)))
         note = f"{self.left_out} faces that are pressed less are left out" if self.left_out else ""
         if not any(z.pressure.any() for z in self.zones):
-            note = "nothing touches in any stored state"
+            note = "no contact in any stored state"
         style.title(figure, self.title, note)
 
     def header(self) -> list[str]:

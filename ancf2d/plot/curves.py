@@ -200,7 +200,7 @@ def _no_probes(results: Results) -> str:
 
 def _no_load(results: Results) -> str:
     if results.over_time:
-        return "its states are those of times, without a load factor"
+        return "its states are over time, not over a load factor"
     return _no_probes(results)
 
 

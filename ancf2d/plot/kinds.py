@@ -49,7 +49,7 @@ class KindInfo:
 
 
 def list_kinds(results: Results, files: int = 1) -> list[KindInfo]:
-    """Return all kinds, with what the first of some files lacks for each (empty: it can be drawn)."""
+    """Return all kinds, with the data that the first of some files lacks for each (empty: none)."""
     def missing(kind: Kind) -> str:
         few = f"it compares at least {kind.least} files" if files < kind.least else ""
         return kind.missing(results) or few

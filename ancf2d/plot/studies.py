@@ -98,7 +98,7 @@ def optimisation(sources: Sequence[Source]) -> Curves:
     """Build the minimised quantity, the excess of constraints if there are some, and each number over its start."""
     table = sources[0].results.tables["optimisation"]
     n = np.asarray(table["evaluation"], float)
-    what = str(table.attrs.get("minimise", "what is minimised"))
+    what = str(table.attrs.get("minimise", "objective"))
     # an axis has no room for a long expression, which is then in the legend only
     axis = what if len(what) <= LONGEST else "minimised"
     panels = [Panel(("evaluation", "1"), (axis, "1"), [Curve(what, n, np.asarray(table["minimised"], float))])]
@@ -116,7 +116,7 @@ def _relative(values: np.ndarray) -> np.ndarray:
     return values / (values[0] or np.abs(values).max() or 1.0)
 
 
-OPTIMISATION = Kind("optimisation", "what is minimised, constraints and numbers over all tries",
+OPTIMISATION = Kind("optimisation", "objective, constraints and numbers over all evaluations",
                     lacking("optimisation", FIRST,
                             "it holds no optimisation ('ancf2d optimise CASE ... --history FILE.h5' writes one)"),
                     optimisation, single=True)

@@ -162,7 +162,7 @@ def _sections(found: dict[str, Any]) -> list[tuple[str, str]]:
 def _touch(contact: dict[str, Any], units: dict[str, str]) -> str:
     """Return the contact in the last state: the force on the body named first, and its range along that body."""
     if contact["from"] is None:
-        return "nothing touches at the end"
+        return "no contact at the end"
     at, force = f"S = {contact['from']:.4g}", "force = ({:.9g}, {:.9g})".format(*contact["force"])
     if not any(contact["force"]) and contact.get("normal"):
         # forces of a body on itself cancel

@@ -145,7 +145,7 @@ class FieldRecord:
 # units of quantities, with the labels of a file
 _LABELS = {"m": "{L}", "rad": "rad", "m/s": "{L}/{T}", "rad/s": "rad/{T}", "N": "{F}", "N m": "{F}*{L}"}
 _PROBE: dict[str, Column] = {name: Column(name, _LABELS[UNIT_OF[name]], q.words) for name, q in QUANTITIES.items()} | {
-    "s": Column("s", "1", "place of a moving point on its body, as a share of the arc length")}
+    "s": Column("s", "1", "position of a moving point on its body, as a share of the arc length")}
 _HISTORY: dict[str, Column] = {c.name: c for c in (
     Column("t", "{T}", "time"), Column("dt", "{T}", "step size"),
     Column("step", "1", "number of the step", True),
@@ -175,10 +175,10 @@ _TABLE: dict[str, Column] = {c.name: c for c in (
     Column("t", "{T}", "time"), Column("contact", "none", "name of the contact"),
     Column("body", "none", "body that has the point of contact with the largest impulse"),
     Column("touched", "none", "obstacle or body that it hits"),
-    Column("S", "1", "place of that point on its body, as a share of the arc length"),
+    Column("S", "1", "position of that point on its body, as a share of the arc length"),
     Column("points", "1", "points of contact that have an impulse, of all contacts", True),
-    Column("impulse", "{F}*{T}", "sum of their impulses across what they hit"),
-    Column("lost", "{F}*{L}", "energy that the impact takes"),
+    Column("impulse", "{F}*{T}", "sum of their normal impulses"),
+    Column("lost", "{F}*{L}", "energy lost in the impact"),
 )}
 _PARTS = {"re": "real", "im": "imaginary"}
 _REGISTRY = {"probe": _PROBE, "history": _HISTORY, "table": _TABLE}

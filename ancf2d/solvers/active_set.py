@@ -139,7 +139,7 @@ def blocked_error(into: Iterable[tuple[Any, int]], at: dict[str, Any]) -> Comput
     found = [f"{pair.body} into {pair.other} at S = {pair.s[k]:.4g}" for pair, k in into]
     return ComputationError(
         f"supports or joints press {' or '.join(dict.fromkeys(found))}, and nothing can give way", at=at,
-        advice="change what moves them, leave a gap, hold the body by springs, or give the contact a law")
+        advice="change their prescribed motion, leave a gap, support the body by springs, or give the contact a law")
 
 
 def _unit(row: Array) -> tuple[Any, Array]:
@@ -282,7 +282,7 @@ def update_active_set(system: System, d: Array, t: float, history: PlaceHistory,
 
 def not_found(t: float, worst: float) -> ComputationError:
     """Return the error for contact points that keep changing; ``worst`` [m] is the last penetration."""
-    found = f"a body is {worst:.3g} deep in an obstacle" if worst > 0.0 else "those that press change again and again"
+    found = f"a body is {worst:.3g} deep in an obstacle" if worst > 0.0 else "the pressing points keep changing"
     return ComputationError(
         f"the contact points were not found: {found}", at={"factor": float(f"{t:.6g}")},
         advice="more elements in the contact zone, more steps, or obstacles that leave enough room")

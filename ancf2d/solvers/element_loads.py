@@ -131,7 +131,7 @@ def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
         for dead in out.dead:
             full[dead.dofs] += dead.amplitude(state.side) * dead.values
         if rest := [patch for patch in out.patches if patch not in with_ends]:
-            from ..model.interactions import batches
+            from ..model.point_tables import batches
 
             for batch in batches(rest):
                 np.subtract.at(full, batch.dofs, batch.evaluate(model.e0 + d, d, state.side)[1])
@@ -166,7 +166,7 @@ def _by_formula(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
     lines = [p for p in model.loads.patches if isinstance(p, FormulaLine) and p.mesh is mesh]
     if not lines:
         return
-    from ..model.interactions import batches  # imports the kernels of point laws
+    from ..model.point_tables import batches  # imports the kernels of point laws
 
     for patch in lines:
         [batch] = batches([patch])

@@ -68,7 +68,7 @@ class Multipliers:
         return not self.open and 2 * len(self.multiplier) >= len(self.weights)
 
     def stiffness(self, g: Array, diagonal: Array) -> Array:
-        """Return gamma (m,) for rows of G with entries g (k,): as stiff as what they act on, in any units.
+        """Return gamma (m,) for rows of G with entries g (k,): as stiff as the coordinates they act on, in any units.
 
         Rows that act on nothing stiff (bars between bars) are as stiff as the rows with which they share unknowns.
         """

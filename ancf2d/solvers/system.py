@@ -17,9 +17,10 @@ from ..model.determinacy import own_motion
 from ..model.groups import with_trials
 from ..model.mesh import Index
 from ..model.model import Model
+from .divided_groups import DividedGroups
 from .ldl import Pivots, Symmetric
 from .linear import make_matrix
-from .threads import DividedGroups, chunks, largest, largest_share
+from .long_vectors import chunks, largest, largest_share
 
 UNIT_ROUNDOFF = 2.0**-53
 # displacements, relative to the extent of a model, that are round-off of the positions

@@ -43,7 +43,7 @@ def inputs_of(loaded: LoadedCase) -> list[str]:
 
 
 def files_of(loaded: LoadedCase) -> str:
-    """Return a digest of what a case takes from other files: element definitions, plugins, the initial state."""
+    """Return a digest of the files that a case reads: element definitions, plugins, the initial state."""
     digest = hashlib.sha256(repr(sorted(loaded.definitions.items())).encode() + plugins.digest().encode())
     start = start_of(loaded)
     if start is not None and os.path.isfile(start):

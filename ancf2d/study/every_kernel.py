@@ -15,8 +15,8 @@ from ..elements.formulations import FORMULATIONS
 from ..elements.registry import ELEMENTS
 from ..kernels.lowlevel.jit import CACHE, REFUSED
 from ..solvers.motion.integrators import INTEGRATORS
+from .expressions import GoalValues
 from .gradient import gradient
-from .measures import GoalValues
 from .run import run_case, vocabulary
 
 STIFF = {"E": 1e10, "nu": 0.3, "rho": 1000.0}
@@ -101,7 +101,7 @@ def _small_cases() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "radau5 of contact with obstacles", {**_contact_with_obstacles(), **impacts,
                                                "solver": {**STEP, "method": "radau5"}}
     # integrators call these kernels by address, so one integrator suffices
-    yield "radau5 with controllers, events and what moves", {
+    yield "radau5 with controllers, events and moving points", {
         **_feedback(), "solver": {**MOMENT, "method": "radau5"}, "output": {**FEW, "probes": {PROBE: "b@1"}}}
     yield from _memories()
     for name in METHODS:
@@ -110,7 +110,7 @@ def _small_cases() -> Iterator[tuple[str, dict[str, Any]]]:
         probed = {**motion, "output": {**FEW, "probes": {PROBE: "b@1"}}}
         yield f"{name} with springs and joints", {**_interactions(), **probed}
         if INTEGRATORS[name].scipy is None:
-            yield f"{name} with what is let go", {**_let_go(), **probed}
+            yield f"{name} with releases", {**_let_go(), **probed}
             yield f"{name} of a frame", {**_frame(conserved), **motion}
 
 

@@ -21,7 +21,7 @@ from ..model.model import Model
 from ..quantities import FORCES, KIND_OF, KINEMATIC, RATE_OF, RATES
 from ..solvers.derivatives.differences import UnsuitedError
 from ..solvers.derivatives.readings import Term
-from .measures import probes_alike
+from .expressions import probes_alike
 from .run import vocabulary
 
 # solvers for each name of the first column
@@ -108,7 +108,7 @@ def read_data(path: str) -> Data:
             try:
                 values[k, j] = float(cell) if cell.strip() else np.nan
             except ValueError:
-                problems.append(Problem(f"'{cell.strip()}' in column {names[j]} is no number", file=path,
+                problems.append(Problem(f"'{cell.strip()}' in column {names[j]} is not a number", file=path,
                                         line=k + 2, column=1))
     raise_any(problems)
     return data_of(dict(zip(names, values.T, strict=True)), path)
@@ -173,7 +173,7 @@ def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
     elif data.axis != "hz":
         (low, high), end = solver.course, solver.end
         if data.x[0] < low - 1e-9 * abs(end) or data.x[-1] > high + 1e-9 * abs(end):
-            say(f"the data go from {data.x[0]:g} to {data.x[-1]:g}, the case from {low:g} to {high:g}")
+            say(f"the data range from {data.x[0]:g} to {data.x[-1]:g}, the case from {low:g} to {high:g}")
         elif solver.linear and not np.all(data.x == 1.0):
             say("linear statics has one state, of factor 1", "data at factor 1, or solver static")
     probes = [*loaded.case.output.probes]
@@ -187,20 +187,20 @@ def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
         first, _, rest = base.partition(".") if data.axis == "hz" else ("", "", base)
         probe, _, quantity = rest.rpartition(".")
         if data.axis == "hz" and (part not in PARTS or first not in getattr(solver, "inputs", ())):
-            say(f"column '{name}' is no INPUT.PROBE.QUANTITY.re or .im, the real or imaginary part of a response",
+            say(f"column '{name}' is not INPUT.PROBE.QUANTITY.re or .im, the real or imaginary part of a response",
                 " or ".join(f"{one}.PROBE.QUANTITY.re" for one in getattr(solver, "inputs", ())))
         elif probe in others and probe not in probes:
             if quantity not in others[probe]:
                 say(f"column '{name}': {probe} has no {quantity}", ", ".join(others[probe]),
                     nearest(quantity, others[probe]) or "")
         elif not probe:
-            say(f"column '{name}' is no PROBE.QUANTITY", ", ".join(f"{one}.QUANTITY" for one in probes))
+            say(f"column '{name}' is not PROBE.QUANTITY", ", ".join(f"{one}.QUANTITY" for one in probes))
         elif probe not in probes:
             say(f"column '{name}': the case has no probe '{probe}'", "" if nearest(probe, probes) else
                 f"one of {', '.join(probes)}" if probes else "output.probes", nearest(probe, probes) or "")
         elif quantity not in (*KINEMATIC, *FORCES):
-            say(f"column '{name}': '{quantity}' is no quantity of a probe", "x, y, ux, uy, theta, vx, vy, omega, N, Q "
-                "or M")
+            say(f"column '{name}': '{quantity}' is not a quantity of a probe",
+                "x, y, ux, uy, theta, vx, vy, omega, N, Q or M")
         elif quantity in RATES and solver.balances:
             say(f"column '{name}': a static state has no {quantity}")
     return problems
@@ -303,7 +303,7 @@ class DataValues:
     def _courses(self, model: Model, states: Sequence[Any]) -> Array:
         from scipy.interpolate import CubicHermiteSpline, make_interp_spline
 
-        from ..solvers.post import Observer
+        from ..solvers.state_results import Observer
 
         observer = Observer(model)
         places = model.case.places_over_time

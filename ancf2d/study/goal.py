@@ -284,7 +284,7 @@ class _GoalRecorder:
 
     def begin(self, model: Model) -> None:
         """Store the model before it is solved."""
-        from ..solvers.post import Observer
+        from ..solvers.state_results import Observer
 
         # other probes than the goal's only cost time
         named = () if self.goal is None or self.goal.probe is None else (self.goal.probe,)
@@ -331,7 +331,7 @@ class _GoalRecorder:
 
     def _summary(self, state: Any) -> dict[str, Any]:
         """Return the part of a summary that the goal can refer to, at one state."""
-        from ..solvers.post import reactions
+        from ..solvers.state_results import reactions
 
         out: dict[str, Any] = {"probes": self.observer.observe(state), "energy": state.history}
         if self.goal is not None and self.goal.reaction is not None:

@@ -26,7 +26,6 @@ from ..errors import ComputationError
 from ..model.model import Model
 from ..model.section import remembers_way
 from ..solvers.contact import force_at_fixed_place
-from ..solvers.derivatives.backwards import RecordedMotion, StepLengthError
 from ..solvers.derivatives.differences import Quotient, UnsuitedError, derivative
 from ..solvers.derivatives.load_factors import Growth, Instability
 from ..solvers.derivatives.motion import Motion
@@ -34,12 +33,13 @@ from ..solvers.derivatives.motion_adjoint import MotionAdjoint, recorded_motion
 from ..solvers.derivatives.motion_states import NEWTON, lengths_of
 from ..solvers.derivatives.small_motions import ForcedVibration, Vibration
 from ..solvers.derivatives.statics import Equilibrium, Path, Response
+from ..solvers.derivatives.transposed_steps import RecordedMotion, StepLengthError
 from ..solvers.derivatives.varied_motions import why_unsuited
 from ..solvers.registry import solve
 from ..solvers.state import State
 from ..solvers.statics.static import unscaled
+from .expressions import GoalValues
 from .goal import for_study
-from .measures import GoalValues
 from .record import Progress
 from .run import prepare, run_case, vocabulary
 
@@ -195,9 +195,9 @@ class DifferentiableRun:
         if not reason and self.model.contacts and any(g.limit_point is not None for g in goals or ()):
             reason = "contact changes along the path"
         if not reason and not self.moves and force_at_fixed_place(self.model):
-            reason = "places between nodes that touch are chosen anew in every run"
+            reason = "contact points between nodes differ between runs"
         if not reason and goals is None and isinstance(self.model.case.solver, Eigen | Buckling):
-            reason = "it is not known which modes are read"
+            reason = "the modes that are read are unknown"
         if not reason and all_states and not self.moves and (self.model.contacts or any(s.report for s in states)):
             reason = "states along the path have no derivative of their own"
         if reason:
@@ -209,7 +209,7 @@ class DifferentiableRun:
         return responses(self.model, states, all_states, goals), ""
 
     def compute_together(self, variables: Sequence[CaseNumber]) -> None:
-        """Compute together what is cheaper for several numbers than for each."""
+        """Compute together the parts that are cheaper for several numbers than for each."""
         self._choose_method(len(variables))
         steps = [(self._varied_model(v), STEP * size_of(v, self.model.extent)) for v in variables]
         if self.adjoint is not None:
@@ -259,7 +259,7 @@ class DifferentiableRun:
                     if numbering_of(found) != self.numbering:
                         raise UnsuitedError("the unknowns change with the number")
                     if rubs(found) != rubs(self.model):
-                        raise UnsuitedError("friction depends on the way to a state")
+                        raise UnsuitedError("friction depends on the load path")
                     if self.model.case.solver.timed and _times_of(found) != _times_of(self.model):
                         raise UnsuitedError("the times of steps and of stored states change with the number")
                     models[step] = found
@@ -325,11 +325,11 @@ def why_no_response(model: Model) -> str:
     if model.remembers and (remembers_way(model.case) if balances else not solver.scales or model.loads.flows):
         return "materials depend on the load history"
     if rubs(model):
-        return "friction depends on the way to a state"
+        return "friction depends on the load path"
     if solver.scales and not model.loads.flows and next(unscaled(model), None) is not None:
-        return "constant loads have moved the model before"
+        return "constant loads deform the model first"
     if not balances and not isinstance(solver, Eigen | Buckling | FrequencyResponse):
-        return "the solver has no states of equilibrium"
+        return "the solver has no equilibrium states"
     return ""
 
 

@@ -17,8 +17,8 @@ from ..case.numbers import CaseNumber, moved_starts, numbers_between
 from ..elements.shape import Array
 from ..errors import ComputationError, all_of, many
 from ..results import Column, write_tables
+from .expressions import MASS, Measure, Measures, Vocabulary, bounded, read_measure
 from .gradient import DifferentiableRun
-from .measures import MASS, Measure, Measures, Vocabulary, bounded, read_measure
 from .record import Progress
 from .run import result_header, vocabulary
 from .sensitivity import on_its_mesh

@@ -229,7 +229,7 @@ def _processes(count: int) -> Iterator[Executor]:
 
 @contextmanager
 def _quiet_tracker() -> Iterator[None]:
-    """Silence the resource tracker, a process that starts with the first pool and frees what killed processes held."""
+    """Silence the resource tracker, a process that starts with the first pool and cleans up after killed processes."""
     before = os.environ.get("PYTHONWARNINGS", "")
     os.environ["PYTHONWARNINGS"] = f"{before},ignore:resource_tracker".lstrip(",")
     try:

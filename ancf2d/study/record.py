@@ -70,8 +70,8 @@ class Recorder:
         from ..solvers.between_contact_points import ErrorsBetweenPoints
         from ..solvers.fields import FieldReader
         from ..solvers.plastic_zones import PlasticZones
-        from ..solvers.post import Observer
         from ..solvers.resolution import Resolution
+        from ..solvers.state_results import Observer
 
         self.model, self.case, self.writer, self.progress, self.warnings = model, model.case, writer, progress, warnings
         self.observer, self.resolution, self.zones = Observer(model), Resolution(model), PlasticZones(model)
@@ -168,7 +168,7 @@ class Recorder:
 
     def _reactions(self, state: State) -> dict[str, dict[str, float]]:
         """Return the reactions of a state, computed once."""
-        from ..solvers.post import reactions
+        from ..solvers.state_results import reactions
 
         if self.last_reactions[0] is not state:
             self.last_reactions = state, reactions(self.model, state)
@@ -208,7 +208,7 @@ class Recorder:
 
     def _store(self, state: State, history: dict[str, float] | None, probes: dict[str, dict[str, float]],
                **more: Any) -> None:
-        from ..solvers.post import turns_of
+        from ..solvers.state_results import turns_of
 
         self.writer.append(state.t, state.d[:self.model.n_q], history, probes, turned=turns_of(self.model, state),
                            fields={} if self.fields is None else self.fields.read(state), **more)

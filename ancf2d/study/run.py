@@ -175,7 +175,7 @@ def _with_verification(loaded: LoadedCase, model: Model, states: Iterator[State]
 def summarise(loaded: LoadedCase, model: Model, recorder: Recorder, failure: ComputationError | None,
               brief: bool = False) -> dict[str, Any]:
     """Return the object that ``--json`` prints, from the records of a run; ``brief`` as in ``run_case``."""
-    from ..solvers.post import energies, reactions
+    from ..solvers.state_results import energies, reactions
 
     state = recorder.state
     asked = [goal for goal in (loaded.case.goal, *loaded.case.expected) if goal is not None]
@@ -293,7 +293,7 @@ def checks(case: Case, summary: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def result_header(loaded: LoadedCase, command: str = "") -> dict[str, Any]:
-    """Return what every result file states about its case: text, name, digest of files, title, solver, units."""
+    """Return the header of every result file about its case: text, name, digest of files, title, solver, units."""
     case = loaded.case
     return {"case_text": loaded.text, "case_completed": loaded.completed, "case_name": loaded.source.file,
             "case_files": files_of(loaded), "overrides": list(loaded.overrides), "title": case.title,

@@ -16,10 +16,10 @@ from ..model.model import Model
 from ..results import Column, write_tables
 from .accuracy.control import is_pursued, solve_to_accuracy
 from .convergence import goal_units
+from .expressions import GoalValues
 from .forecast import Done
 from .goal import goal_kind, goal_of
 from .gradient import DifferentiableRun, Quotient, size_of
-from .measures import GoalValues
 from .record import Progress
 from .run import describe_goal, result_header
 

@@ -173,7 +173,7 @@ def _known(job: Job, ledger: Ledger) -> dict[str, Any] | None:
 
 
 def _warm_up(jobs: Sequence[Job], compiling: Callable[[str], None]) -> None:
-    """Compile in this process what several would wait for; refused cases are reported in their rows."""
+    """Compile in this process kernels that several would wait for; refused cases are reported in their rows."""
     first = {job.kernels: job for job in reversed(jobs)}
     for job in first.values():
         try:

@@ -74,7 +74,7 @@ class Row:
         return (self.accuracy or {}).get("estimate")
 
     def store(self, found: dict[str, Any], reused: bool = False) -> None:
-        """Store what ``outcome_of`` returned for a run."""
+        """Store the result of ``outcome_of`` for a run."""
         for name, value in found.items():
             setattr(self, name, value)
         self.reused = reused
@@ -303,7 +303,7 @@ def _columns(sweep: Sweep, names: Sequence[str]) -> list[Column]:
               for axis in sweep.axes]
     return [*varied, *(Column(name, _units(name, sweep.labels), f"computed: {name}") for name in names),
             *(Column(name, "none", text) for name, text in _OWN.items()),
-            Column("row", "none", "what is known of a case that was computed, as JSON text"),
+            Column("row", "none", "data of a computed case, as JSON text"),
             Column("error", "1", "estimate of the relative error")]
 
 

@@ -211,7 +211,7 @@ def _touch(model: Model, new: bool) -> None:
     matrix = make_matrix(model)
     touched: list[Callable[[], object]] = [*_drivers(model, matrix), partial(_touch_matrix, type(matrix))]
     if new:
-        from ..model.interactions import interaction_compilations
+        from ..model.point_tables import interaction_compilations
         from ..solvers.motion.problem import element_compilations, empty_problem
 
         laws = interaction_compilations(model, False, empty_problem().layout)
@@ -254,7 +254,7 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
 
 def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
     """Solve the first moment of a motion; problems of the case are left for the run itself to report."""
-    from ..model.interactions import interaction_compilations
+    from ..model.point_tables import interaction_compilations
     from ..solvers.contact import memory, restore_memory
     from ..solvers.motion.integrators import INTEGRATORS, default_method
     from ..solvers.motion.problem import empty_problem, motion_compilations

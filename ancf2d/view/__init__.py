@@ -25,7 +25,7 @@ SCRIPTS = "scene.js", "layers.js", "controls.js"
 
 @dataclass(frozen=True)
 class Page:
-    """A page, and a remark about what it leaves out of the file."""
+    """A page, and a remark about the data that it leaves out."""
 
     html: str
     remark: str

@@ -17,8 +17,8 @@ from typing import Any
 
 import ancf2d
 from ancf2d.case.numbers import numbers_at
+from ancf2d.study.expressions import GoalValues
 from ancf2d.study.gradient import derivatives
-from ancf2d.study.measures import GoalValues
 from ancf2d.study.run import run_case
 from scripts.pages import DOCS, stamp, table, write
 

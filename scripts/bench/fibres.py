@@ -52,7 +52,7 @@ def push(scene: str, count: int) -> dict[str, Any]:
     """Solve with ancf2d; return the displacement (steps,) at the end of each load step, and seconds."""
     import ancf2d
     from ancf2d.model.build import build_model
-    from ancf2d.solvers.post import Observer
+    from ancf2d.solvers.state_results import Observer
     from ancf2d.solvers.statics.static import solve_static
 
     frame = YIELDING[scene]

@@ -213,7 +213,7 @@ def default_rule(element: str) -> list[int]:
 def deflection(element: str, rule: list[int] | None, beam: str, count: int = COUNT) -> float | None:
     """Return how far the tip goes, or None where no solution is found."""
     from ancf2d.errors import ComputationError
-    from ancf2d.solvers.post import Observer
+    from ancf2d.solvers.state_results import Observer
     from ancf2d.solvers.statics.static import solve_static
 
     model = model_of(element, count, rule, *BEAMS[beam])

@@ -82,8 +82,8 @@ def ancf2d(number: int, element: str, count: int, solver: str, t_end: float, int
     """Solve with ancf2d; return the tip over time, seconds of the solve alone and steps."""
     from ancf2d.case import load_case_text
     from ancf2d.model.build import build_model
-    from ancf2d.solvers.post import Observer
     from ancf2d.solvers.registry import solve
+    from ancf2d.solvers.state_results import Observer
     from ancf2d.study.run import vocabulary
     from ancf2d.study.warmup import warm_up
 

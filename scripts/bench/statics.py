@@ -50,7 +50,7 @@ def model_of(element: str, count: int, rule: list[int] | None = None, height: fl
 
 def bend(element: str, count: int) -> dict[str, Any]:
     """Solve with ancf2d; return tip, seconds, iterations and memory [MB]."""
-    from ancf2d.solvers.post import Observer
+    from ancf2d.solvers.state_results import Observer
     from ancf2d.solvers.statics.static import solve_static
     from ancf2d.study.warmup import warm_up
 

@@ -1,4 +1,4 @@
-"""ancf2d from Python: what is loaded, solved and refined is what the command line computes, and nothing is left."""
+"""The Python interface loads, solves and refines as the command line does, and leaves no temporary files."""
 
 from __future__ import annotations
 
@@ -53,18 +53,18 @@ def test_importing_the_package_imports_no_library() -> None:
 
 
 @pytest.mark.parametrize("name", ancf2d.__all__)
-def test_every_name_that_is_offered_is_there_and_documented(name: str) -> None:
+def test_every_public_name_exists_and_is_documented(name: str) -> None:
     found = getattr(ancf2d, name)
     assert name in dir(ancf2d)
     assert name == "__version__" or found.__doc__
 
 
 @pytest.mark.slow
-def test_solve_is_the_function_whatever_was_imported_before() -> None:
+def test_solve_is_the_function_after_any_import() -> None:
     assert run_python("import ancf2d.solvers.state, ancf2d; print(ancf2d.solve.__module__)") == "ancf2d.api.solving"
 
 
-def test_a_name_that_is_not_offered_is_no_attribute() -> None:
+def test_other_names_are_no_attributes() -> None:
     with pytest.raises(AttributeError, match="no attribute 'solv'"):
         ancf2d.solv  # noqa: B018
 
@@ -84,7 +84,7 @@ def test_a_case_is_the_same_from_file_text_and_mapping(tmp_path: Path) -> None:
     assert len(set(found)) == 1
 
 
-def test_what_a_parser_of_yaml_1_1_makes_of_a_case_is_the_same_case() -> None:
+def test_a_mapping_from_a_yaml_1_1_parser_is_the_same_case() -> None:
     import yaml
 
     load = "  - {type: distributed, on: beam, value: [0, 1E+3]}\n"
@@ -111,7 +111,7 @@ def test_a_loaded_case_keeps_its_overrides_below_new_ones() -> None:
     assert (second.case.bodies["beam"].element.count, second.case.title) == (7, "new")
 
 
-def test_all_problems_of_a_case_are_told_with_their_lines() -> None:
+def test_all_problems_of_a_case_are_reported_with_lines() -> None:
     with pytest.raises(ancf2d.CaseError) as found:
         ancf2d.solve(TEXT.replace("vallejo", "valejo").replace("nu: 0.3", "nu: 3"))
     assert [(p.line, p.near) for p in found.value.problems if p.near or "nu" in p.path] == [(7, ""), (8, "vallejo")]
@@ -161,7 +161,7 @@ def test_modes_are_arrays() -> None:
     assert any(a.ndim == 2 and a.shape[-1] == len(found.e0) for a in found.arrays.values())
 
 
-def test_a_file_is_written_where_it_is_asked_for(tmp_path: Path, solution: ancf2d.Solution) -> None:
+def test_a_file_is_written_to_the_given_path(tmp_path: Path, solution: ancf2d.Solution) -> None:
     found = ancf2d.solve(TEXT, output=tmp_path / "beam.h5")
     assert found.path == tmp_path / "beam.h5"
     with ancf2d.open_results(tmp_path / "beam.h5") as results:
@@ -177,7 +177,7 @@ def test_the_case_itself_is_not_overwritten(tmp_path: Path) -> None:
     assert file.read_text() == TEXT
 
 
-def test_a_foreign_file_is_replaced_only_by_force(tmp_path: Path) -> None:
+def test_a_foreign_file_is_replaced_only_with_force(tmp_path: Path) -> None:
     other = tmp_path / "other.h5"
     other.write_text("a letter")
     with pytest.raises(ancf2d.ResultsError):
@@ -185,7 +185,7 @@ def test_a_foreign_file_is_replaced_only_by_force(tmp_path: Path) -> None:
     assert ancf2d.solve(TEXT, output=other, force=True).path == other
 
 
-def test_nothing_is_left_when_a_solution_is_forgotten(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_forgotten_solution_leaves_no_files(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     found = ancf2d.solve(TEXT)
     assert len(list(tmp_path.iterdir())) == 1
@@ -199,8 +199,8 @@ def test_nothing_is_left_when_a_solution_is_forgotten(monkeypatch: pytest.Monkey
     assert list(tmp_path.iterdir()) == []
 
 
-def test_results_are_read_without_the_solution_that_they_came_with() -> None:
-    """What was solved without a file is in one that lasts as long as its results."""
+def test_results_outlive_their_solution() -> None:
+    """The temporary file of a solution lasts as long as its results."""
     results, whole = ancf2d.solve(TEXT).results, ancf2d.solve(TEXT)
     gc.collect()
     for name, probe in whole.results.probes.items():
@@ -208,7 +208,7 @@ def test_results_are_read_without_the_solution_that_they_came_with() -> None:
     np.testing.assert_array_equal(results.d(-1), whole.d[-1])
 
 
-def test_without_states_there_is_the_summary_alone(solution: ancf2d.Solution) -> None:
+def test_without_states_only_the_summary_remains(solution: ancf2d.Solution) -> None:
     found = ancf2d.solve(TEXT, states=False)
     assert found.value == solution.value
     with pytest.raises(ancf2d.ResultsError, match="kept no states"):
@@ -216,7 +216,7 @@ def test_without_states_there_is_the_summary_alone(solution: ancf2d.Solution) ->
     assert "<svg" not in found._repr_html_()
 
 
-def test_a_failure_is_raised_with_its_advice_or_returned_with_what_was_reached() -> None:
+def test_a_failure_is_raised_with_advice_or_returned_with_the_states_reached() -> None:
     with pytest.raises(ancf2d.ComputationError) as raised:
         ancf2d.solve(TEXT, HOPELESS)
     assert raised.value.failure.reason
@@ -227,7 +227,7 @@ def test_a_failure_is_raised_with_its_advice_or_returned_with_what_was_reached()
     assert "<pre " in found._repr_html_()
 
 
-def test_an_accuracy_is_reached_and_told(tmp_path: Path) -> None:
+def test_an_accuracy_is_reached_and_reported(tmp_path: Path) -> None:
     found = ancf2d.solve(TEXT, accuracy=1e-3)
     assert found.accuracy is not None
     assert found.accuracy["achieved"]
@@ -261,14 +261,14 @@ def test_notebooks_show_the_bodies_before_and_after_and_the_report(solution: anc
     assert "A cantilever <of steel>" in "".join(page.itertext())
 
 
-def test_notebooks_magnify_what_would_not_be_seen_and_say_so() -> None:
+def test_notebooks_magnify_invisible_displacements_and_say_so() -> None:
     page = ancf2d.solve(TEXT, {"loads.0.value": [0, -1]})._repr_html_()
     assert "displacements magnified" in page
     assert "magnified" not in ancf2d.solve(TEXT)._repr_html_()
 
 
 def test_figures_show_themselves(solution: ancf2d.Solution) -> None:
-    """IPython asks objects for _repr_png_; nothing has to be imported or switched on before."""
+    """IPython asks objects for _repr_png_, so nothing must be imported or switched on first."""
     assert solution.plot("shape")._repr_png_().startswith(b"\x89PNG")
 
 
@@ -312,7 +312,7 @@ def test_a_study_is_printed_as_the_command_prints_it_and_is_a_table_in_notebooks
     assert [row[1] for row in rows[1:]] == ["2", "4"]
 
 
-def test_refinement_by_types_that_do_not_exist_names_the_nearest() -> None:
+def test_refinement_with_an_unknown_type_names_the_nearest() -> None:
     with pytest.raises(ancf2d.CaseError, match="did you mean 'vallejo'"):
         ancf2d.convergence(TEXT, types="valejo")
 

@@ -1,4 +1,4 @@
-"""Arguments of the Python functions: what is said of those that are none."""
+"""Invalid arguments of the Python functions and their messages."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_arguments_of_another_kind_are_named_with_what_is_expected(name: str) -> None:
+def test_arguments_of_the_wrong_kind_are_named_with_the_expected_kind(name: str) -> None:
     call, kind, words = WRONG[name]
     with pytest.raises(kind, match=words):
         call()

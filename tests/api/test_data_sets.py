@@ -48,7 +48,7 @@ def test_fields_motions_and_modes_as_data_sets(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_responses_linear_models_and_tables_as_data_sets() -> None:
-    """C (i omega - A)^-1 B + D of one is the response of the other."""
+    """C (i omega - A)^-1 B + D of the linear model is the frequency response."""
     pytest.importorskip("xarray")
     more: dict[str, Any] = {"loads.0.name": "push", "goal": None,
                             "bodies.beam.material.damping": {"kelvin_voigt": 1e-3}}

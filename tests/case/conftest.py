@@ -1,4 +1,4 @@
-"""What the tests of the case room share: a vocabulary, and the corpus of valid cases."""
+"""Shared by the tests of case/: a vocabulary, and the corpus of valid cases."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Every broken case is refused with exactly the message that stands beside it."""
+"""Every broken case is refused with exactly the stored message."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ def test_every_message_belongs_to_a_case():
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n.startswith(("shape_", "value_", "cross_"))])
-def test_problems_have_a_place(name, vocabulary, monkeypatch):
+def test_problems_have_a_position(name, vocabulary, monkeypatch):
     monkeypatch.chdir(BROKEN)
     _, error = refusal(name, vocabulary)
     for problem in error.problems:

@@ -1,4 +1,4 @@
-"""The expression language computes what it says, differentiates exactly, and runs nothing else."""
+"""The expression language: values, exact derivatives, and no other code."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""``--set PATH=VALUE`` sets what a file could have said, and says what is wrong in its own text."""
+"""``--set PATH=VALUE`` sets whatever a file could contain; its errors point into its own text."""
 
 from pathlib import Path
 
@@ -64,7 +64,7 @@ def test_later_ones_win_and_see_earlier_ones(vocabulary):
     (["goal=null"], lambda c: c.goal is None), (["expected.0=~"], lambda c: not c.expected),
     (["boundary_conditions.left.name=null"], lambda c: c.boundary_conditions[0].name is None),
 ])
-def test_lists_grow_and_what_is_optional_goes(overrides, read, vocabulary):
+def test_lists_grow_and_optional_keys_can_be_removed(overrides, read, vocabulary):
     before = load(vocabulary).case
     assert before.goal is not None
     assert before.expected
@@ -175,7 +175,7 @@ def test_nonsense_is_refused_in_words(override, vocabulary):
     assert "error: " in refusal(vocabulary, override)
 
 
-def test_each_problem_of_several_overrides_is_told_once(vocabulary):
+def test_each_problem_of_several_overrides_is_reported_once(vocabulary):
     with pytest.raises(CaseError) as caught:
         load(vocabulary, "a", "c=[1", "d=*x", "e=[2")
     assert [p.file for p in caught.value.problems] == ["--set a", "--set c=[1", "--set d=*x", "--set e=[2"]
@@ -189,7 +189,7 @@ SERIES = [(), ("bodies.beam.element.count=32",), ("loads+={type: force, at: beam
           ("goal={probe: end, quantity: uy}",), ("solver={type: eigen, modes: 3}",), ("parameters.P=3",)]
 
 
-def test_cases_of_one_text_are_those_of_the_text_read_anew(vocabulary):
+def test_cases_of_one_text_equal_cases_read_anew(vocabulary):
     text = CASE.read_text(encoding="utf-8")
     shared = CaseText(text, str(CASE))
 
@@ -204,7 +204,7 @@ def test_cases_of_one_text_are_those_of_the_text_read_anew(vocabulary):
                 == outcome(lambda o=overrides: CaseText(text, str(CASE)).load(o, vocabulary))), overrides
 
 
-def test_cases_of_one_text_share_what_is_not_set(vocabulary):
+def test_cases_of_one_text_share_parts_without_overrides(vocabulary):
     shared = CaseText(CASE.read_text(encoding="utf-8"), str(CASE))
     one, other = (shared.load([f"bodies.beam.element.count={n}"], vocabulary).case for n in (4, 8))
     assert (one.bodies["beam"].element.count, other.bodies["beam"].element.count) == (4, 8)
@@ -212,7 +212,7 @@ def test_cases_of_one_text_share_what_is_not_set(vocabulary):
     assert one.loads[0] is other.loads[0]
 
 
-def test_what_cases_of_one_text_share_is_gone_through_once(vocabulary):
+def test_shared_parts_of_cases_are_checked_once(vocabulary):
     shared = CaseText(CASE.read_text(encoding="utf-8"), str(CASE))
     for n in (4, 8):
         case = shared.load([f"bodies.beam.element.count={n}", f"loads.0.value.1={n}"], vocabulary).case

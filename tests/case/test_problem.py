@@ -1,4 +1,4 @@
-"""How a problem looks on a terminal."""
+"""Problems as the terminal shows them."""
 
 import unicodedata
 
@@ -11,12 +11,12 @@ def lines(source_line, column, line=12):
     return str(Problem("m", "f", line, column, source_line=source_line)).split("\n")
 
 
-def test_the_whole():
+def test_a_complete_problem():
     assert str(Problem("m", "f", 12, 4, (), "e", "n", "a: b")) == (
         "f:12:4: error: m; expected e; did you mean 'n'?\n   12 | a: b\n      |    ^")
 
 
-def test_without_a_place():
+def test_without_a_position():
     assert str(Problem("m", "f")) == "f: error: m"
     assert str(Problem("m")) == "error: m"
     assert lines("   ", 2) == ["f:12:2: error: m"]

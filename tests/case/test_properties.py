@@ -1,4 +1,4 @@
-"""Whatever happens to a case file, the answer is a case or a CaseError, never anything else."""
+"""Any change of a case file gives either a case or a CaseError."""
 
 import contextlib
 import dataclasses
@@ -151,7 +151,7 @@ def test_texts_survive_being_written_out(text):
 @given(st.integers(0, len(TEXTS) - 1), st.integers(0, 10**6), st.sampled_from(ODD), st.booleans())
 @PROFILE
 def test_overrides(which, seed, value, further):
-    """An override reads as the same value in the file would; null is as if there were nothing."""
+    """An override gives the same as the value in the file would; null removes the key."""
     paths = list(places(DATA[which]))
     path = paths[seed % len(paths)]
     data = copy(DATA[which])

@@ -1,4 +1,4 @@
-"""What reading a case imports, and that long cases are read whole."""
+"""Modules imported to read a case, and long cases."""
 
 import subprocess
 import sys
@@ -20,7 +20,7 @@ def test_importing_the_case_room_brings_no_numerics():
     assert out.stdout.strip() == "[]"
 
 
-def test_a_table_of_20000_points_is_read_whole(vocabulary, tmp_path):
+def test_a_table_of_20000_points_is_read_completely(vocabulary, tmp_path):
     times = ", ".join(str(i) for i in range(20000))
     text = (HERE / "valid" / "simply_supported.yaml").read_text().replace(
         "value: [0, -1000]}",
@@ -31,7 +31,7 @@ def test_a_table_of_20000_points_is_read_whole(vocabulary, tmp_path):
     assert loaded.case.loads[0].amplitude.value(19998.5) == 19998.5
 
 
-def test_a_result_file_is_told_from_a_case(tmp_path):
+def test_a_result_file_is_recognised(tmp_path):
     (tmp_path / "beam.h5").write_bytes(b"\x89HDF\r\n\x1a\n\x00")
     with pytest.raises(CaseError, match=r"an HDF5 file, such as a result file.*ancf2d info"):
         load_case(tmp_path / "beam.h5")

@@ -1,4 +1,4 @@
-"""Densities, moduli and gravity that do not fit the labelled units are told."""
+"""Warnings of densities, moduli and gravity that do not fit the declared units."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def said(units: str, E: float, rho: float, g: float) -> list[str]:
     (M, 1.0, 1.0, -1.0), (M, 7e5, 5540, -9.81), (M, 1e5, 1070, -9.81), (M, 1e6, 2400, -9.81), (MM, 500.0, 2.2e-9, 0)],
     ids=["steel", "steel in mm", "steel in kN", "diamond on the moon", "foam", "rubber in mm", "wood", "unknown labels",
          "a model without units", "the paper's soft pendulum", "silicone", "filled silicone", "PTFE in mm"])
-def test_numbers_that_fit_their_units_are_left_alone(units: str, E: float, rho: float, g: float) -> None:
+def test_numbers_that_fit_their_units_give_no_warning(units: str, E: float, rho: float, g: float) -> None:
     assert said(units, E, rho, g) == []
 
 
@@ -42,7 +42,7 @@ def test_numbers_that_fit_their_units_are_left_alone(units: str, E: float, rho: 
     (MM, 2.07e5, 7850, "7.85e-09"), (MM, 2.07e5, 7.85e-6, "7.85e-09"), (MM, 2.07e11, 7850, "7.85e-09"),
     (M, 2.07e11, 7.85, "7.85e+03"), (M, 2.07e5, 7.85e-9, "7.85e+03"), (M, 2.07e8, 7.85e6, "7.85e+03"),
     (KN, 2.07e11, 7.85, "7.85")])
-def test_materials_in_other_units_are_told_beside_steel(units: str, E: float, rho: float, steel: str) -> None:
+def test_materials_in_other_units_are_compared_with_steel(units: str, E: float, rho: float, steel: str) -> None:
     (warning,) = said(units, E, rho, 0.0)
     assert f"steel has rho: {steel} and E:" in warning
 
@@ -51,8 +51,8 @@ def test_materials_in_other_units_are_told_beside_steel(units: str, E: float, rh
     (M, 2.07e5, 7850, "MPa", "5.14"), (M, 70.0, 2700, "GPa", "0.161"), (MM, 207.0, 7.85e-9, "GPa", "162"),
     (KN, 2.07e5, 7.85, "MPa", "162"), (M, 3e4, 2400, "MPa", "3.54")],
     ids=["steel", "aluminium", "steel in mm", "steel in kN", "concrete"])
-def test_moduli_in_another_unit_than_the_rest_are_told_by_their_slow_waves(units: str, E: float, rho: float, unit: str,
-                                                                          speed: str) -> None:
+def test_moduli_in_another_unit_are_recognised_by_slow_waves(units: str, E: float, rho: float, unit: str,
+                                                             speed: str) -> None:
     (warning,) = said(units, E, rho, 0.0)
     assert f"looks like a modulus in {unit}" in warning
     assert f"waves would travel at {speed} m/s" in warning
@@ -60,7 +60,7 @@ def test_moduli_in_another_unit_than_the_rest_are_told_by_their_slow_waves(units
 
 @pytest.mark.parametrize(("units", "E", "rho", "g", "earth"), [
     (MM, 2.07e5, 7.85e-9, -9.81, "9810"), (M, 2.07e11, 7850, -9810, "9.81"), (M, 2.07e11, 7850, 9.81e-3, "9.81")])
-def test_gravity_in_other_units_is_told(units: str, E: float, rho: float, g: float, earth: str) -> None:
+def test_gravity_in_other_units_gives_a_warning(units: str, E: float, rho: float, g: float, earth: str) -> None:
     (warning,) = said(units, E, rho, g)
     assert f"that of the earth is {earth}" in warning
 
@@ -69,7 +69,7 @@ def test_gravity_in_other_units_is_told(units: str, E: float, rho: float, g: flo
     (2.07e11, 235e6, None), (2.07e5, 235, None), (7e10, 5e8, None), (2e9, 8e7, None), (2.07e11, 235, "1.1e-09"),
     (2.07e11, 235e3, "1.1e-06"), (2.07e5, 235e6, "1.1e+03")],
     ids=["steel", "steel in mm", "aluminium", "plastic", "MPa beside Pa", "kPa beside Pa", "Pa beside MPa"])
-def test_yield_stresses_in_other_units_than_the_modulus_are_told(E: float, yields: float, told: str | None) -> None:
+def test_yield_stresses_in_other_units_give_a_warning(E: float, yields: float, told: str | None) -> None:
     whole = CASE.format(units=M, E=E, rho=7850, g=0).replace("linear_static", "static")
     given = f"{{E: {E}, nu: 0.3, rho: 7850, yield: {yields}}}"
     before, material, after = whole.partition(f"    material: {{E: {E}, nu: 0.3, rho: 7850}}\n")
@@ -82,7 +82,7 @@ def test_yield_stresses_in_other_units_than_the_modulus_are_told(E: float, yield
         assert told is None or f"its strain at the yield stress is {told}," in said[0]
 
 
-def test_parameters_that_nothing_uses_and_layers_that_do_not_expand_are_told() -> None:
+def test_unused_parameters_and_layers_without_expansion_give_warnings() -> None:
     text = CASE.format(units=M, E=2.07e11, rho=7850, g=0)
     heated, steel = ["loads=[{type: temperature, on: b, value: 20}]"], "E: 2e11, nu: 0.3, rho: 7850"
     layers = (f"bodies.b.section={{width: 10, layers: [{{height: 5, material: {{{steel}, alpha: 1e-5}}}}, "
@@ -98,5 +98,5 @@ def test_parameters_that_nothing_uses_and_layers_that_do_not_expand_are_told() -
     ("tip uy", SI, "tip uy [m]"), ("tip uy", ("mm", "kN", "s"), "tip uy [mm]"), ("limit point 1 load ux", SI,
     "limit point 1 load ux [m]"), ("left M", ("mm", "N", "s"), "left M [N mm]"), ("bending 2", SI, "bending 2 [rad/s]"),
     ("strain_energy", SI, "strain_energy [N m]"), ("load factor 1", SI, "load factor 1"), ("", SI, "")])
-def test_quantities_have_their_units_beside_them(what: str, labels: tuple[str, str, str], said: str) -> None:
+def test_quantities_show_their_units(what: str, labels: tuple[str, str, str], said: str) -> None:
     assert with_unit(what, labels) == said

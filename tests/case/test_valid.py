@@ -65,7 +65,7 @@ def test_schema_accepts(path, vocabulary, validator):
 
 @pytest.mark.parametrize("path", [p for p in BROKEN if p.stem.startswith(("shape_", "value_"))],
                          ids=lambda p: p.stem)
-def test_schema_rejects_what_is_wrong_by_itself(path, validator):
+def test_schema_rejects_values_that_are_wrong_by_themselves(path, validator):
     # beyond a schema: what a text says in its own language, such as a name that is no parameter, zero vectors, infinity
     beyond = ("value_text_for_number", "value_expression", "value_profile", "shape_profile", "value_zero_direction",
               "value_null", "value_start_state", "value_s_outside", "value_infinite", "value_nan", "value_too_large")
@@ -74,7 +74,7 @@ def test_schema_rejects_what_is_wrong_by_itself(path, validator):
 
 
 def test_valid_cases_use_the_whole_format(vocabulary):
-    """Every record, and every key of it, is given somewhere in the valid cases."""
+    """The valid cases contain every record and every key of it."""
     given, known = set(), set()
     for path in VALID:
         loaded = load_case(path, vocabulary=vocabulary)
@@ -156,7 +156,7 @@ def test_unknown_template():
         template("x", "cantiliver")
 
 
-def test_schema_speaks_to_editors(vocabulary):
+def test_schema_has_descriptions_for_editors(vocabulary):
     schema = json_schema(vocabulary)
     modulus = schema["definitions"]["Material"]["properties"]["E"]
     number, formula, table = modulus.pop("anyOf")
@@ -186,14 +186,14 @@ def test_reference_names_every_key(vocabulary):
     assert links <= anchors
 
 
-def test_a_motion_without_steps_has_those_that_are_documented(vocabulary):
+def test_a_motion_without_steps_has_the_documented_ones(vocabulary):
     solver = load_case(Path(__file__).parent / "valid" / "motion_without_steps.yaml", vocabulary=vocabulary).case.solver
     assert (solver.dt, solver.tolerance, solver.local_error) == (None, None, 1e-6)
     assert "default 1e-06" in markdown_reference(vocabulary)
 
 
 def variants(kind: str) -> list[str]:
-    """Return a template with each of its offers taken: '# or:' in place of the line above, '# and:' in addition."""
+    """Yield a template with each of its alternatives: '# or:' replaces the line above, '# and:' adds one."""
     lines, out, last = template("case", kind).splitlines(), [], 0
     for k, line in enumerate(lines):
         offer = re.match(r"( *)# (or|and): (.+)$", line)
@@ -213,20 +213,20 @@ OFFERS = [pytest.param(text, id=f"{kind} {k}", marks=pytest.mark.slow if k else 
           for kind in TEMPLATES for k, text in enumerate(variants(kind))]
 
 
-def test_templates_make_offers() -> None:
+def test_templates_offer_alternatives() -> None:
     assert len(OFFERS) > 2 * len(TEMPLATES)
     assert not any("also:" in template("case", kind) for kind in TEMPLATES)
 
 
 @pytest.mark.parametrize("text", OFFERS)
-def test_what_the_comments_of_a_template_offer_works(text: str) -> None:
-    """Uncommented, each line makes a case that is solved; motions for a short time."""
+def test_alternatives_in_the_comments_of_templates_work(text: str) -> None:
+    """Uncommented, each line makes a case that can be solved; motions for a short time."""
     solution = ancf2d.solve(text, ["solver.t_end=0.02"] if "t_end" in text else [], states=False)
     assert solution.status == "converged"
 
 
 def test_a_component_of_a_line_load_may_be_a_number_in_quotes(vocabulary, validator):
-    """["0", "-2*vy"] are two expressions; a number in quotes is one, too."""
+    """["0", "-2*vy"] are two expressions; a number in quotes is an expression, too."""
     text = (Path(__file__).parent / "valid" / "feedback.yaml").read_text(encoding="utf-8")
     text = re.sub(r'value: \["-drag.*', 'value: ["0", "-2*vy"]}', text)
     loaded = load_case_text(text, vocabulary=vocabulary)

@@ -1,4 +1,4 @@
-"""YAML is read with the place of every value, and never into more than plain data."""
+"""YAML is read into plain data only, with the position of every value."""
 
 import pytest
 
@@ -44,7 +44,7 @@ def test_plain_data():
     (("boundary_conditions", 7), (11, 3)),
     (("nothing",), (1, 1)),
     ((), (1, 1))])
-def test_place_of_a_value_or_of_what_is_above_it(path, place):
+def test_position_of_a_value_or_its_parent(path, place):
     source = load_case_text(CASE, "c.yaml").source
     problem = source.problem(path, "message", "this", "that")
     assert (problem.line, problem.column) == place
@@ -53,7 +53,7 @@ def test_place_of_a_value_or_of_what_is_above_it(path, place):
     assert problem.source_line == CASE.split("\n")[place[0] - 1]
 
 
-def test_place_of_a_key():
+def test_position_of_a_key():
     source = load_case_text(CASE).source
     assert source.key_mark(("solver", "type"))[1:] == (9, 10)
     assert source.key_mark(("boundary_conditions", 1))[1:] == (13, 5)
@@ -108,7 +108,7 @@ def test_size_is_limited(tmp_path):
         load_case(path)
 
 
-def test_long_digits_are_no_number():
+def test_very_long_digits_are_no_number():
     with pytest.raises(CaseError, match="finite"):
         load_case_text(CASE.replace("2.07e11", "9" * 10000))
 

@@ -1,4 +1,4 @@
-"""A case whose answer is known, and the command line in a process of its own."""
+"""A case with a known answer, and the command line in its own process."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ HOPELESS = BEAM.replace("linear_static", "static").replace("{name: tip, type: fo
 
 
 def start(arguments: Sequence[str], **options: Any) -> subprocess.Popen[str]:
-    """Start the command line in a process of its own."""
+    """Start the command line in its own process."""
     return subprocess.Popen([sys.executable, "-m", "ancf2d", *arguments], text=True, **options)
 
 
 def run_python(code: str) -> subprocess.CompletedProcess[str]:
-    """Run Python code in a process of its own."""
+    """Run Python code in its own process."""
     return subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, timeout=60)

@@ -1,4 +1,4 @@
-"""A folder with a small case, and the command line called as a user calls it."""
+"""A folder with a small case, and the command line as a user calls it."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from ancf2d.study.run import run_case, vocabulary
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled() -> None:
-    """Kernels compiled before anything is said of what the command line prints."""
+    """Compile the kernels before tests look at the output of the command line."""
     run_case(load_case_text(BEAM, vocabulary=vocabulary()))
 
 
 @pytest.fixture(autouse=True)
 def alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Studies in this process, which has its imports, unless a test asks for others with --jobs."""
+    """Run studies in this process, which has its imports, unless a test sets --jobs."""
     monkeypatch.setattr("ancf2d.processors.cores", lambda: 1)
 
 
@@ -53,7 +53,7 @@ def solved(call: Callable[..., Result]) -> Callable[..., Result]:
 
 @pytest.fixture
 def call_json(call: Callable[..., Result]) -> Callable[..., dict[str, Any]]:
-    """As ``call``, returning the one JSON object that stdout must be."""
+    """As ``call``, but return the one JSON object that must be all of stdout."""
     def invoke(*arguments: str) -> dict[str, Any]:
         found = json.loads(call(*arguments).stdout, parse_constant=_no_constant)
         assert isinstance(found, dict)

@@ -1,4 +1,4 @@
-"""``ancf2d run --accuracy``: what it prints and writes, and what is wrong use of it."""
+"""``ancf2d run --accuracy``: its output and files, and wrong use."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def written(folder: Path) -> None:
     (folder / "bent.yaml").write_text(CASE)
 
 
-def test_the_path_the_estimate_and_the_file_are_told(call: Call, folder: Path) -> None:
+def test_the_levels_the_estimate_and_the_file_are_printed(call: Call, folder: Path) -> None:
     result = call("run", "bent.yaml", "--accuracy", "1e-4")
     assert result.exit_code == 0
     assert "tip uy = -0.68" in result.stdout
@@ -51,7 +51,7 @@ def test_the_path_the_estimate_and_the_file_are_told(call: Call, folder: Path) -
         assert results.nt == 11
 
 
-def test_json_holds_the_contracts_accuracy(call_json: CallJson) -> None:
+def test_json_has_the_accuracy_of_the_contract(call_json: CallJson) -> None:
     found = call_json("run", "bent.yaml", "--accuracy", "1e-3", "--json")
     accuracy = found["accuracy"]
     assert accuracy["achieved"] is True
@@ -61,14 +61,14 @@ def test_json_holds_the_contracts_accuracy(call_json: CallJson) -> None:
     assert sum(accuracy["elements"].values()) == found["elements"]
 
 
-def test_open_element_types_are_chosen_and_the_reason_is_told(call: Call) -> None:
+def test_open_element_types_are_chosen_with_a_reason(call: Call) -> None:
     result = call("run", "bent.yaml", "--accuracy", "2e-2", "--set", "bodies.beam.element=auto")
     assert result.exit_code == 0
-    assert "beam: cable; with cable the goal moves by" in result.stdout
+    assert "beam: cable; with cable the goal changes by" in result.stdout
     assert "of the estimated error: model" in result.stdout
 
 
-def test_an_accuracy_out_of_reach_fails_with_the_best_there_is(call: Call, folder: Path) -> None:
+def test_an_unreachable_accuracy_fails_with_the_best_result(call: Call, folder: Path) -> None:
     result = call("run", "bent.yaml", "--accuracy", "1e-15")
     assert result.exit_code == 1
     assert "NOT reached" in result.stdout
@@ -101,7 +101,7 @@ def test_an_accuracy_needs_a_goal(call: Call, folder: Path) -> None:
 
 @pytest.mark.slow
 def test_rows_of_a_sweep_reach_the_accuracy_that_they_ask_for(call: Call, call_json: CallJson, folder: Path) -> None:
-    """One row for each accuracy; what cannot be reached fails, with the value that was found."""
+    """One row for each accuracy; a row that cannot reach it fails, with the value found."""
     (folder / "open.yaml").write_text(CASE.replace("{type: reissner3, count: 3}", "auto"))
     rows = call_json("sweep", "open.yaml", "--over", "accuracy=2e-2,1e-4", "--jobs", "1",
                      "--json")["rows"]
@@ -118,8 +118,8 @@ def test_rows_of_a_sweep_reach_the_accuracy_that_they_ask_for(call: Call, call_j
     assert bad["goal"] == pytest.approx(good["goal"], rel=1e-3)
 
 
-def test_an_interrupted_pursuit_says_where_the_best_so_far_is(call: Call, folder: Path,
-                                                              monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_search_names_the_best_result_so_far(call: Call, folder: Path,
+                                                            monkeypatch: pytest.MonkeyPatch) -> None:
     again, asked = Pursuit.resolve_as_result, []
 
     def interrupted(*arguments: Any) -> Any:
@@ -141,8 +141,8 @@ def test_an_interrupted_pursuit_says_where_the_best_so_far_is(call: Call, folder
     (0.3, None, "error about 1.5e-04, which is 5.0e-04 of the value"),
     (4.0, 1e-5, "error about 2.0e-03, which is 5.0e-04 of 4, the largest displacement of tip"),
     (0.5, None, "error about 2.5e-04, which is 5.0e-04 of 0.5, a thousandth of the largest displacement in the model")])
-def test_the_error_of_the_printed_value_is_told_and_what_it_is_relative_to(size: float, tolerance: float | None,
-                                                                          said: str) -> None:
+def test_the_error_of_the_printed_value_is_printed_with_its_scale(size: float, tolerance: float | None,
+                                                                  said: str) -> None:
     moves = BEAM.replace("type: linear_static", "type: dynamic, t_end: 1").replace("EA:", "rhoA: 1.0, EA:")
     found = {"value": -0.3, "estimate": 5e-4, "scale": size, "absolute": 5e-4 * size, "wanted": 1e-3, "achieved": True,
              "tolerance": tolerance, "elements": {"beam": 2}, "solves": 3}

@@ -38,7 +38,7 @@ def test_json_has_every_check_with_number_verdict_and_meaning(call_json: CallJso
     assert sum(found["verdicts"].values()) == len(CHECKS)
 
 
-def test_a_table_with_a_line_for_each_check_and_exit_0_whatever_the_verdicts(call: Call, folder: Path) -> None:
+def test_a_table_with_a_line_for_each_check_and_exit_0_for_any_verdict(call: Call, folder: Path) -> None:
     (folder / "mine.yaml").write_text(OWN)
     result = call("audit", "mine.yaml", "--quadrature", "1,1")
     assert result.exit_code == 0
@@ -67,7 +67,7 @@ def test_coordinates_that_do_not_determine_the_basis_are_a_verdict(call: Call, f
     (["2d2n", "--quadrature", "2"], "'2' is not a pair of numbers of Gauss points"),
     (["vallejo", "--preset", "paper"], "the paper does not use vallejo"), (["wrong.yaml"], "wrong.yaml:2:14: error: "
                                                                            "basis")])
-def test_what_is_wrong_is_said_with_exit_2(call: Call, folder: Path, arguments: list[str], words: str) -> None:
+def test_wrong_input_is_explained_with_exit_2(call: Call, folder: Path, arguments: list[str], words: str) -> None:
     (folder / "wrong.yaml").write_text(OWN.replace('"x"', '"x^^2"'))
     result = call("audit", *arguments)
     assert result.exit_code == 2
@@ -79,7 +79,7 @@ def test_what_is_wrong_is_said_with_exit_2(call: Call, folder: Path, arguments: 
 
 
 def test_the_element_of_a_file_is_used_in_cases(call_json: CallJson, folder: Path) -> None:
-    """omar's description and omar are one element."""
+    """A file that describes omar gives the element omar."""
     (folder / "mine.yaml").write_text(OWN)
     case = {"bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [2, 0]},
                                 "section": {"height": 0.1, "width": 0.1}, "material": {"E": 2.07e11, "nu": 0.3},

@@ -1,4 +1,4 @@
-"""elements, schema, new, and what commands print as JSON."""
+"""elements, schema and new, and the JSON output of all commands."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_elements_lists_every_type_with_its_default_formulation(call: Call, call
 
 
 @pytest.mark.parametrize("name", [*ELEMENTS, "ancf[3,2]"])
-def test_element_tells_why_a_formulation_is_not_offered(call: Call, call_json: CallJson, name: str) -> None:
+def test_element_says_why_it_lacks_a_formulation(call: Call, call_json: CallJson, name: str) -> None:
     found = call_json("elements", name, "--json")
     assert {f["name"] for f in found["formulations"]} == set(FORMULATIONS)
     assert sum(f["default"] for f in found["formulations"]) == 1
@@ -44,7 +44,7 @@ def test_element_tells_why_a_formulation_is_not_offered(call: Call, call_json: C
     assert not any("^0" in b or "^1" in b for b in found["basis"])
 
 
-def test_rigid_bodies_are_listed_too_and_told_apart(call: Call) -> None:
+def test_rigid_bodies_are_listed_separately(call: Call) -> None:
     assert any(line.startswith("rigid ") and "no strain" in line for line in call("elements").stdout.split("\n"))
     text = call("elements", "rigid").stdout
     assert "4 per element" in text
@@ -68,7 +68,7 @@ def test_rigid_bodies_are_listed_too_and_told_apart(call: Call) -> None:
     (["run", "none.yaml"], "problems"), (["run", "beam.yaml", "--bad"], "reason"),
 ], ids=lambda v: " ".join(v) if isinstance(v, list) else "")
 def test_json_follows_its_schema(call: Call, call_json: CallJson, arguments: list[str], key: str) -> None:
-    """What is printed is valid, and every key on the first level is described."""
+    """The output is valid, and every key at the top level is described."""
     import jsonschema
 
     if "beam.h5" in arguments:
@@ -87,7 +87,7 @@ def test_json_follows_its_schema(call: Call, call_json: CallJson, arguments: lis
         jsonschema.validate({"status": "failed", "reason": "r", "at": {}}, schema)
 
 
-def test_every_command_that_prints_json_has_its_schema(call: Call) -> None:
+def test_every_json_output_has_a_schema(call: Call) -> None:
     offered = [name for name in COMMANDS if "--json" in call(name, "--help").stdout.split("Examples:")[0]]
     offered.remove("schema")  # which only speaks of it
     assert sorted(offered) == sorted(OUTPUTS)
@@ -111,13 +111,13 @@ def test_kinds_of_new_are_those_of_the_case_format() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_name_that_is_a_kind_gives_that_kind(call: Call, folder: Path, kind: str) -> None:
+def test_the_name_of_a_kind_gives_that_kind(call: Call, folder: Path, kind: str) -> None:
     assert call("new", kind).exit_code == 0
     assert (folder / f"{kind}.yaml").read_text() == template(kind, kind)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_new_case_points_editors_at_a_schema_that_is_there(call: Call, folder: Path, kind: str) -> None:
+def test_new_case_points_editors_to_an_existing_schema(call: Call, folder: Path, kind: str) -> None:
     result = call("new", "first", "--kind", kind)
     assert result.exit_code == 0
     assert "ancf2d run first.yaml" in result.stdout

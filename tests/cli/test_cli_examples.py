@@ -1,4 +1,4 @@
-"""Every example at the end of a command's help runs, in a folder with the files that it names."""
+"""Every example at the end of a command's help runs, in a folder with the files it names."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def examples(name: str) -> list[str]:
 
 
 def invoke(line: str) -> None:
-    """Run a command line up to what it asks of the shell."""
+    """Run a command line, up to the parts that need a shell."""
     words = shlex.split(line)
     words = words[:next((k for k, word in enumerate(words) if word in (">", ">>")), None)]
     result = CliRunner().invoke(main, words[1:])
@@ -58,7 +58,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_command_has_examples_of_itself(name: str) -> None:
+def test_every_command_has_examples(name: str) -> None:
     assert examples(name)
     assert {line.split()[:2] == ["ancf2d", name] for line in examples(name)} == {True}
 

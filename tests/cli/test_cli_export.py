@@ -49,8 +49,8 @@ def test_json_object_names_the_file(solved: Call, folder: Path) -> None:
     (("none.h5", "a.csv"), "there is no result file 'none.h5'"), (("beam.yaml", "a.csv"), "is not an HDF5 file"),
     (("beam.h5", "none/a.csv"), "does not exist"), (("beam.h5",), "missing argument")],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "")
-def test_refusals_exit_with_2_and_leave_everything_as_it_is(solved: Call, folder: Path, arguments: tuple[str, ...],
-                                                            said: str) -> None:
+def test_refusals_exit_with_2_and_change_nothing(solved: Call, folder: Path, arguments: tuple[str, ...],
+                                                 said: str) -> None:
     (folder / "there.csv").write_text("mine")
     before = {p.name: p.read_bytes() for p in folder.iterdir()}
     result = solved("export", *arguments)
@@ -58,7 +58,7 @@ def test_refusals_exit_with_2_and_leave_everything_as_it_is(solved: Call, folder
     assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
 
 
-def test_a_study_without_probes_says_where_its_table_goes(call: Call) -> None:
+def test_a_study_without_probes_says_where_to_export_its_table(call: Call) -> None:
     assert call("sensitivity", "beam.yaml", "--set", "goal={probe: tip, quantity: uy}", "--to", "loads.0.value.1",
                 "-o", "study.h5").exit_code == 0
     result = call("export", "study.h5", "study.csv")

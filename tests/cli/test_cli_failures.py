@@ -1,4 +1,4 @@
-"""How invocations end: exit codes, what is said, and where."""
+"""The ends of commands: exit codes and messages."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ LONG = BEAM.replace("count: 2", "count: 200").replace("{type: linear_static}", "
     (["schema", "--markdown", "--definition"], "exclude each other"),
 ], ids=lambda value: " ".join(value) if isinstance(value, list) else "")
 def test_wrong_command_line_or_input_is_2_with_one_sentence_on_stderr(call: Call, arguments: list[str],
-                                                                     said: str) -> None:
+                                                                      said: str) -> None:
     result = call(*arguments)
     assert result.exit_code == 2
     assert result.stdout == ""
@@ -84,12 +84,12 @@ def test_wrong_command_line_is_one_json_object_wherever_json_stands(call: Call, 
 
 @pytest.mark.parametrize("options", [["--set", "bodies.beam.element.count=-3"], ["--set", "x"],
                                      ["--set", "loads.tip.value=3", "--set", "goal.probe=tap"]], ids=" ".join)
-def test_an_option_that_is_wrong_is_shown_once(call: Call, options: list[str]) -> None:
+def test_a_wrong_option_is_shown_once(call: Call, options: list[str]) -> None:
     err = call("run", "beam.yaml", *options).stderr
     assert err.count("--set") == options.count("--set") == err.count("error: ")
 
 
-def test_commands_to_go_on_with_can_be_pasted_into_a_shell(call: Call, folder: Path) -> None:
+def test_suggested_commands_can_be_pasted_into_a_shell(call: Call, folder: Path) -> None:
     for arguments in (["run", "beam.yaml"], ["convergence", "beam.yaml", "--elements", "1,2"]):
         told = call(*arguments, "-o", "a beam's.h5").stdout
         words = shlex.split(told.split("next: ")[1])
@@ -114,8 +114,8 @@ def test_every_command_can_be_quiet() -> None:
 
 
 @pytest.mark.slow
-def test_caches_of_the_library_that_draws_are_not_spoken_of(call: Call, folder: Path) -> None:
-    """Where its cache cannot be written, Matplotlib logs where it puts it instead, and that it builds it."""
+def test_caches_of_matplotlib_give_no_messages(call: Call, folder: Path) -> None:
+    """If its cache is not writable, Matplotlib logs the folder it uses instead."""
     call("run", "beam.yaml", "-q")
     (folder / "file").write_text("no folder")
     environment = {**os.environ, "HOME": str(folder), "MPLCONFIGDIR": str(folder / "file")}
@@ -134,7 +134,7 @@ def test_all_problems_of_a_case_are_printed_and_counted(call: Call, folder: Path
     assert result.stderr.rstrip().split("\n")[-1] == f"{result.stderr.count('error: ')} problems in beam.yaml"
 
 
-def test_problems_outside_the_case_are_not_counted_as_the_cases(call: Call, folder: Path) -> None:
+def test_problems_outside_the_case_are_counted_separately(call: Call, folder: Path) -> None:
     (folder / "beam.yaml").write_text(BEAM)
     result = call("fit", "beam.yaml", "--data", "none.csv", "--vary", "bodies.beam.material.E=1e9:1e12")
     assert result.exit_code == 2
@@ -154,7 +154,7 @@ def test_wrong_case_is_one_json_object_too(call: Call, folder: Path, command: li
 
 
 def test_unexpected_exception_is_one_line_and_a_traceback_only_with_debug(call: Call,
-                                                                         monkeypatch: pytest.MonkeyPatch) -> None:
+                                                                          monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*args: Any, **options: Any) -> None:
         raise ZeroDivisionError("division by zero\nsecond line")
     monkeypatch.setattr(study_run, "run_case", broken)
@@ -168,7 +168,7 @@ def test_unexpected_exception_is_one_line_and_a_traceback_only_with_debug(call: 
     assert "Traceback" in call("--debug", "run", "beam.yaml").stderr
 
 
-def test_lack_of_memory_is_no_internal_error(call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lack_of_memory_is_not_an_internal_error(call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*args: Any, **options: Any) -> None:
         raise MemoryError
     monkeypatch.setattr(study_run, "run_case", broken)
@@ -188,8 +188,8 @@ def test_warnings_of_libraries_are_silent_unless_debugging(call: Call, monkeypat
     assert "overflow" not in result.stderr
 
 
-def test_interrupted_before_the_command_has_begun() -> None:
-    """While what it needs is imported: the process ends with 130 and a word, not by the signal and with a traceback."""
+def test_interrupted_while_the_command_is_imported() -> None:
+    """The process ends with 130 and a message, not by the signal or with a traceback."""
     code = """if True:
         import sys
         class Interrupted:
@@ -204,7 +204,7 @@ def test_interrupted_before_the_command_has_begun() -> None:
 
 
 @pytest.mark.slow
-def test_interrupted_run_keeps_what_was_reached_and_ends_with_130(folder: Path) -> None:
+def test_interrupted_run_keeps_its_states_and_ends_with_130(folder: Path) -> None:
     (folder / "beam.yaml").write_text(LONG)
     process = start(["run", "beam.yaml", "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
     part = folder / "beam.h5.part"
@@ -261,7 +261,7 @@ def _wait_until(condition: Callable[[], bool], process: subprocess.Popen[str]) -
 
 
 def unread(arguments: Sequence[str], folder: Path) -> tuple[int, str]:
-    """Return the exit code and stderr of a command whose stdout nobody reads."""
+    """Return the exit code and stderr of a command with nobody reading its stdout."""
     process = start(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=folder)
     assert process.stdout is not None
     assert process.stderr is not None
@@ -273,27 +273,27 @@ def unread(arguments: Sequence[str], folder: Path) -> tuple[int, str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["--help"], ["schema"], ["elements"]], ids=" ".join)
-def test_reader_that_goes_away_is_no_noise(folder: Path, arguments: list[str]) -> None:
+def test_a_closed_pipe_gives_no_message(folder: Path, arguments: list[str]) -> None:
     assert unread(arguments, folder) == (0, "")
 
 
 @pytest.mark.slow
-def test_reader_that_goes_away_changes_no_verdict(call: Call, folder: Path) -> None:
-    """A case that misses what it expects still fails, though nobody reads that it was solved."""
+def test_a_closed_pipe_does_not_change_the_exit_code(call: Call, folder: Path) -> None:
+    """A case that misses its expected values still fails if nobody reads stdout."""
     wrong = ["run", "beam.yaml", "--check", "--set", "expected.0.value=1"]
     assert unread(wrong, folder) == (1, "error: 1 expected value not met\n")
     assert (folder / "beam.h5").exists()
 
 
 @pytest.mark.slow
-def test_reader_that_goes_away_hears_no_json_of_a_failure(folder: Path) -> None:
+def test_a_closed_pipe_gets_no_json_of_a_failure(folder: Path) -> None:
     code, err = unread(["run", "none.yaml", "--json"], folder)
     assert code == 2
     assert err.endswith("1 problem in none.yaml\n")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_full_disk_under_stdout_is_said(folder: Path) -> None:
+def test_a_full_disk_under_stdout_is_reported(folder: Path) -> None:
     with open("/dev/full", "w") as full:
         # what is buffered fails as it is flushed, which PYTHONUNBUFFERED would do at once
         process = start(["elements"], stdout=full, stderr=subprocess.PIPE, cwd=folder,
@@ -304,7 +304,7 @@ def test_full_disk_under_stdout_is_said(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_closed_stdout_and_letters_that_it_lacks_do_no_harm(folder: Path) -> None:
+def test_closed_stdout_and_its_missing_characters_do_no_harm(folder: Path) -> None:
     (folder / "beam.yaml").write_text(BEAM.replace("Cantilever", "Kragträger Δ"))
     command = [sys.executable, "-m", "ancf2d", "validate", "beam.yaml"]
     closed = subprocess.run(["sh", "-c", '"$@" >&-', "sh", *command], capture_output=True, text=True, cwd=folder)

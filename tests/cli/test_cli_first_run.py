@@ -1,4 +1,4 @@
-"""What a run costs beside the solve: the libraries it imports, and the kernels that the first one compiles."""
+"""Libraries that a run imports, and kernels that the first one compiles."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ for arguments in json.loads(sys.argv[1]):
 
 
 def run(folder: Path, **environment: str) -> dict[str, Any]:
-    """Run the case in a process of its own; return what was compiled, by the end of the warm-up too, and imported."""
+    """Run the case in its own process; return what was compiled, also by the end of the warm-up, and imported."""
     found = subprocess.run([sys.executable, "-c", RUN], cwd=folder, text=True, capture_output=True, timeout=240,
                            env={**os.environ, **environment})
     assert found.returncode == 0, found.stderr
@@ -108,7 +108,7 @@ def run(folder: Path, **environment: str) -> dict[str, Any]:
     return out
 
 
-def test_a_first_run_compiles_what_linear_statics_takes_and_a_second_one_imports_no_more(folder: Path) -> None:
+def test_a_first_run_compiles_few_kernels_and_a_second_one_imports_few_modules(folder: Path) -> None:
     # code that is optimised less counts as much, and is there sooner
     # on one processor, by this process alone
     cache = {"XDG_CACHE_HOME": str(folder / "cache"), "NUMBA_OPT": "1", "OMP_NUM_THREADS": "1"}
@@ -122,7 +122,7 @@ def test_a_first_run_compiles_what_linear_statics_takes_and_a_second_one_imports
     assert not NOT_NEEDED & set(second["modules"])
 
 
-def test_load_steps_without_points_do_not_import_what_points_need(folder: Path) -> None:
+def test_load_steps_without_points_do_not_import_kernels_of_points(folder: Path) -> None:
     """No spring, constraint or contact: a second run imports the kernels of elements and matrices alone."""
     case = folder / "beam.yaml"
     case.write_text(case.read_text().replace("linear_static", "static"))
@@ -131,7 +131,7 @@ def test_load_steps_without_points_do_not_import_what_points_need(folder: Path) 
 
 
 def kernels_taken(folder: Path, *commands: list[str]) -> set[str]:
-    """Run commands in a process of their own; return the kernels that they take, with the types of their arguments."""
+    """Run commands in their own process; return the kernels that they use, with the types of their arguments."""
     found = subprocess.run([sys.executable, "-c", EACH, json.dumps(commands)], cwd=folder, text=True,
                            capture_output=True)
     assert (found.returncode, found.stdout) == (0, ""), found.stderr
@@ -139,7 +139,7 @@ def kernels_taken(folder: Path, *commands: list[str]) -> set[str]:
 
 
 def test_after_compile_no_run_compiles_anything(folder: Path) -> None:
-    """Every integrator, joint, spring, storage of matrices, and element: ``compile`` takes their kernels."""
+    """``compile`` includes every integrator, joint, spring, matrix storage and element."""
     compiled = kernels_taken(folder, ["compile", "-q"])
     cases = Path(__file__).parents[2] / "cases"
     # one process for all: their imports take longer than they do

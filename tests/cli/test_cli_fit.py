@@ -15,7 +15,7 @@ DATA = "factor,tip.uy,tip.ux\n1,-4.001e-3,\n1,-3.999e-3,\n1,-4e-3,0\n"
 FIT = ("fit", "beam.yaml", "--data", "data.csv", "--vary", "bodies.beam.section.EI=100:1e4")
 
 
-def test_fit_prints_and_writes_what_the_contract_says(call: Call, call_json: CallJson, folder: Path) -> None:
+def test_fit_prints_and_writes_as_the_contract_says(call: Call, call_json: CallJson, folder: Path) -> None:
     (folder / "data.csv").write_text(DATA)
     found = call_json(*FIT, "--json")
     row, = found["rows"]
@@ -32,12 +32,12 @@ def test_fit_prints_and_writes_what_the_contract_says(call: Call, call_json: Cal
     assert (folder / "fit.csv").read_text().startswith("curve,")
 
 
-def test_everything_wrong_is_told_and_nothing_is_written(call: Call, folder: Path) -> None:
+def test_all_problems_are_reported_and_nothing_is_written(call: Call, folder: Path) -> None:
     (folder / "data.csv").write_text("factor,tip.uy\n1,x\n")
     before = sorted(p.name for p in folder.iterdir())
     result = call(*FIT, "--vary", "b=2:1", "--sigma", "c")
     assert result.exit_code == 2
-    for text in ("'x' in column tip.uy is no number", "2:1 is not a range", "not PROBE.QUANTITY=NUMBER"):
+    for text in ("'x' in column tip.uy is not a number", "2:1 is not a range", "not PROBE.QUANTITY=NUMBER"):
         assert text in result.stderr
     assert call(*FIT[:3], "nowhere.csv", *FIT[4:]).exit_code == 2
     (folder / "data.csv").write_text(DATA.replace("tip.ux", "tip.uy"))

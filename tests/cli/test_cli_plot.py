@@ -14,14 +14,14 @@ Call = Callable[..., Result]
 CallJson = Callable[..., dict[str, Any]]
 
 
-def test_plot_saves_where_it_is_told_and_next_to_nothing_else(solved: Call, folder: Path) -> None:
+def test_plot_saves_to_the_given_path_only(solved: Call, folder: Path) -> None:
     assert solved("plot", "beam.h5").stdout == "wrote beam-shape.png (shape)\n"
     assert solved("plot", "beam.h5", "load_deflection", "--save", "path.svg", "--data", "path.csv").exit_code == 0
     assert sorted(os.listdir(folder)) == ["beam-shape.png", "beam.h5", "beam.yaml", "path.csv", "path.svg"]
     assert "tip uy" in (folder / "path.csv").read_text()
 
 
-def test_plot_lists_kinds_and_explains_those_that_do_not_fit(solved: Call, folder: Path) -> None:
+def test_plot_lists_kinds_and_explains_unavailable_ones(solved: Call, folder: Path) -> None:
     result = solved("plot", "beam.h5", "--list")
     assert "shape*" in result.stdout
     assert "no: it holds no convergence table" in result.stdout
@@ -88,6 +88,6 @@ def test_compare_agrees_or_exits_with_1(solved: Call, call_json: CallJson) -> No
     assert solved("compare", "beam.h5", "other.h5", "--rtol", "1e-2").exit_code == 0
 
 
-def test_info_tells_origin_in_text_and_json(solved: Call, call_json: CallJson) -> None:
+def test_info_shows_the_origin_in_text_and_json(solved: Call, call_json: CallJson) -> None:
     assert "ancf2d run beam.yaml --set 'solver={type: static, steps: 3}'" in solved("info", "beam.h5").stdout
     assert call_json("info", "beam.h5", "--json")["steps"] == 3

@@ -1,4 +1,4 @@
-"""Runs through time that are interrupted on the command line, and go on."""
+"""Motions that are interrupted and resumed on the command line."""
 
 from __future__ import annotations
 
@@ -67,14 +67,14 @@ def pendulum(folder: Path) -> Path:
 
 
 def stopped(folder: Path, last: int, how: signal.Signals, *options: str) -> tuple[int, str, str]:
-    """Start a run that is stopped behind so many states; return code, stdout, stderr."""
+    """Start a run and stop it after so many states; return code, stdout, stderr."""
     done = subprocess.run([sys.executable, "-c", STOPPED, str(last), str(int(how)), "run", "rod.yaml", *options],
                           capture_output=True, text=True, cwd=folder, check=False)
     return done.returncode, done.stdout, done.stderr
 
 
 def bits(path: Path) -> list[bytes]:
-    """What was computed, bit for bit."""
+    """Return all computed numbers, bit for bit."""
     with open_results(path) as r:
         states = [r.t.tobytes(), *(r.d(i).tobytes() for i in range(r.nt)), *(r.v(i).tobytes() for i in range(r.nt))]
         columns = [table[name].tobytes() for table in (r.history, r.energies, r.probes["tip"]) for name in table]
@@ -82,7 +82,7 @@ def bits(path: Path) -> list[bytes]:
 
 
 @pytest.mark.slow
-def test_interrupted_run_goes_on_to_the_same_bits_but_not_as_another_case(pendulum: Path, call: Call) -> None:
+def test_a_resumed_run_has_the_same_bits_and_another_case_is_refused(pendulum: Path, call: Call) -> None:
     code, out, err = stopped(pendulum, 283, signal.SIGINT, "--json")
     assert code == 130, err
     assert json.loads(out)["status"] == "interrupted"
@@ -114,7 +114,7 @@ def test_interrupted_run_goes_on_to_the_same_bits_but_not_as_another_case(pendul
     assert not compare_results("rod.h5", "whole.h5", rtol=0, everything=True)
 
 
-def test_nothing_to_resume_is_said_and_the_run_starts_afresh(call: Call, folder: Path) -> None:
+def test_without_anything_to_resume_the_run_says_so_and_starts_afresh(call: Call, folder: Path) -> None:
     result = call("run", "beam.yaml", "--resume")
     assert result.exit_code == 0
     assert "a run of solver linear_static has no checkpoints: starting from the beginning" in result.stderr

@@ -1,4 +1,4 @@
-"""``ancf2d run``: what it prints, what it writes, and what it leaves alone."""
+"""``ancf2d run``: its output, the files it writes, and files that it leaves alone."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Call = Callable[..., Result]
 CallJson = Callable[..., dict[str, Any]]
 
 
-def test_a_case_can_come_from_the_standard_input(call: Call, folder: Path) -> None:
+def test_a_case_can_come_from_stdin(call: Call, folder: Path) -> None:
     found = CliRunner().invoke(main, ["run", "-", "--json"], input=BEAM)
     assert json.loads(found.stdout)["case"] == "<stdin>"
     assert json.loads(found.stdout)["output"] == "stdin.h5"
@@ -78,7 +78,7 @@ def test_missed_value_is_printed_and_fails_only_with_check(call: Call) -> None:
     assert call("run", "beam.yaml", "--check").exit_code == 0
 
 
-def test_round_off_beside_larger_values_is_shown_as_zero(call: Call) -> None:
+def test_round_off_compared_with_larger_values_is_shown_as_zero(call: Call) -> None:
     result = call("run", "beam.yaml", "--set", "loads.0.value=[0.1, -3]")
     row = next(line for line in result.stdout.split("\n") if line.startswith("root")).split()
     assert row == ["root", "-0.1", "3", "6"]
@@ -87,7 +87,7 @@ def test_round_off_beside_larger_values_is_shown_as_zero(call: Call) -> None:
 
 
 def test_reactions_of_slender_elements_are_known_to_round_off(call: Call, call_json: CallJson) -> None:
-    """128 three-node elements, far stiffer along than across: what is off balance is less than 1e-12 of the load."""
+    """128 slender three-node elements: the residual force is less than 1e-12 of the load."""
     case = str(Path(__file__).parents[2] / "cases" / "paper" / "fig4_linear_2d3n.yaml")
     exact = call_json("run", case, "--json")["reactions"]["wall"]
     assert 0 < abs(exact["fx"]) < 1e-12 * 500000
@@ -117,7 +117,7 @@ def test_quiet_prints_nothing_and_verbose_says_what_was_built(call: Call) -> Non
     assert "left out: mass matrix" in found
 
 
-def test_failed_run_says_where_and_leaves_an_earlier_result(call: Call, call_json: CallJson, folder: Path) -> None:
+def test_a_failed_run_says_where_and_keeps_an_earlier_result(call: Call, call_json: CallJson, folder: Path) -> None:
     assert call("run", "beam.yaml").exit_code == 0
     before = (folder / "beam.h5").read_bytes()
     (folder / "beam.yaml").write_text(HOPELESS)
@@ -156,8 +156,8 @@ def test_case_itself_is_never_replaced(call: Call, folder: Path, force: list[str
     assert (folder / "beam.yaml").read_text() == BEAM
 
 
-def test_last_state_is_stored_whatever_every_and_until_are(call: Call) -> None:
-    """The state at load factor 1.5 is stored, though only every 100th is asked for."""
+def test_the_last_state_is_stored_for_any_every_and_until(call: Call) -> None:
+    """The state at load factor 1.5 is stored with ``every: 100``."""
     result = call("run", "beam.yaml", "--set", "solver={type: static, steps: 3, until: {load_factor: 1.5}}", "--set",
                   "output.every=100")
     assert result.exit_code == 0, result.output

@@ -44,7 +44,7 @@ def test_convergence_writes_a_table_that_plot_draws(call: Call, folder: Path) ->
 
 
 def test_sensitivities_and_designs_are_written_and_drawn(call: Call, call_json: CallJson, folder: Path) -> None:
-    """u is proportional to the load: elasticity 1, and the least load is best."""
+    """u is proportional to the load: the elasticity is 1 and the least load is best."""
     result = call("sensitivity", "beam.yaml", "-o", "s.h5")
     assert result.exit_code == 0
     assert "loads.tip.value.1" in result.stdout
@@ -73,8 +73,8 @@ def test_sensitivities_and_designs_are_written_and_drawn(call: Call, call_json: 
     (("optimise", "beam.yaml", "--vary", "loads.tip.value.1=-2:-1", "--minimise", "tip.uz"), "did you mean 'tip.uy'?"),
     (("optimise", "beam.yaml", "--vary", "loads.tip.value.1=-2:-1", "--minimise", "goal", "--subject-to", "goal"),
      "no constraint")], ids=lambda v: v if isinstance(v, str) else " ".join(v))
-def test_what_cannot_be_differentiated_or_designed_is_a_mistake(call: Call, arguments: tuple[str, ...], message: str,
-                                                                ) -> None:
+def test_numbers_without_derivatives_are_wrong_input(call: Call, arguments: tuple[str, ...], message: str,
+                                                     ) -> None:
     result = call(*arguments)
     assert result.exit_code == 2
     assert message in result.stderr
@@ -98,7 +98,7 @@ def test_convergence_without_goal_is_a_wrong_case(call: Call, folder: Path) -> N
     assert "the case has no goal" in result.stderr
 
 
-def test_the_values_of_a_convergence_study_are_drawn_when_asked_for(call: Call, folder: Path) -> None:
+def test_the_values_of_a_convergence_study_are_drawn_on_request(call: Call, folder: Path) -> None:
     call("convergence", "beam.yaml", "--element", "reissner2", "--elements", "2,4", "-o", "s.h5", "-q")
     assert call("plot", "s.h5", "--values", "--data", "s.csv").exit_code == 0
     assert (folder / "s.csv").read_text().startswith("curve,number of elements,tip uy [m]\nreissner2,2.0,-0.0")

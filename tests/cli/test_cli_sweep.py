@@ -28,7 +28,7 @@ LONG = BEAM.replace("{type: linear_static}", "{type: dynamic, t_end: 1, dt: 1.0e
     "EI: 1.0e3", "EI: 1.0e3, rhoA: 1, rhoI: 1.0e-3").replace("output:", "output:\n  every: 50")
 
 
-def test_rows_hold_what_the_contract_says(call_json: CallJson) -> None:
+def test_rows_follow_the_contract(call_json: CallJson) -> None:
     found = call_json("sweep", "beam.yaml", "--over", "loads.tip.value=[0,-3],[0,-6]", "--over",
                       "bodies.beam.element.count=1,2", "--keep", "--json")
     assert [row["set"] for row in found["rows"]] == [
@@ -39,14 +39,14 @@ def test_rows_hold_what_the_contract_says(call_json: CallJson) -> None:
                for row in found["rows"])
 
 
-def test_the_name_of_a_result_file_is_none_for_the_folder_of_a_sweep(call: Call, folder: Path) -> None:
+def test_the_folder_of_a_sweep_cannot_have_the_name_of_a_result_file(call: Call, folder: Path) -> None:
     found = call(*COUNTS, "-o", "mine.h5")
     assert found.exit_code == 2
     assert "sweep writes sweep.h5 into a folder; expected for example 'mine'" in found.stderr
     assert not (folder / "mine.h5").exists()
 
 
-def test_table_says_what_was_used_again(call: Call, folder: Path) -> None:
+def test_the_table_marks_reused_results(call: Call, folder: Path) -> None:
     first = call(*COUNTS, "--out", "mine", "--csv", "t.csv", "--keep")
     assert first.exit_code == 0, first.output
     lines = [line.split() for line in first.stdout.splitlines()]
@@ -59,7 +59,7 @@ def test_table_says_what_was_used_again(call: Call, folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_samples_end_with_what_they_say(call: Call, call_json: CallJson) -> None:
+def test_samples_end_with_their_statistics(call: Call, call_json: CallJson) -> None:
     arguments = ("sweep", "beam.yaml", "--sample", "bodies.beam.section.EI~uniform(900, 1100)", "--samples", "32",
                  "--seed", "3", "--design", "lhs", "--jobs", "1")
     found = call_json(*arguments, "--json")
@@ -76,7 +76,7 @@ def test_samples_end_with_what_they_say(call: Call, call_json: CallJson) -> None
         assert call("plot", "beam-sweep/sweep.h5", kind, "--data", f"{kind}.csv").exit_code == 0
 
 
-def test_warnings_that_differ_in_numbers_are_told_once() -> None:
+def test_warnings_that_differ_only_in_numbers_are_printed_once() -> None:
     said = [f"bodies.beam{k}: an error of about {share} % from S = 0 to 0.125"
             for k in (1, 2) for share in ("13", "4.6")]
     assert alike([*said, "contacts.0: no", "contacts.1: no", "contacts.1: no"]) == [
@@ -84,7 +84,7 @@ def test_warnings_that_differ_in_numbers_are_told_once() -> None:
         "contacts.1: no (2 rows)"]
 
 
-def test_everything_wrong_with_what_is_varied_is_told_at_once(call: Call) -> None:
+def test_all_problems_of_the_axes_are_reported_at_once(call: Call) -> None:
     result = call("sweep", "beam.yaml", "--over", "a=0.1:0.2:", "--sample", "b~beta(1, 2)", "--sample", "c", "--pair")
     assert result.exit_code == 2
     for text in ("both given", "'0.1:0.2:' is not a range", "is not a distribution", "not PATH~", "nothing to pair"):
@@ -122,8 +122,8 @@ def test_failed_rows_exit_with_1_and_wrong_sweeps_with_2(call: Call, call_json: 
     (("--scheduler", "here"), "not the address of a scheduler"),
     (("--scheduler", "tcp://127.0.0.1:1", "--jobs", "2"), "--jobs is for processes on this machine")],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "")
-def test_what_cannot_be_is_told_before_anything_is_computed(call: Call, folder: Path, arguments: tuple[str, ...],
-                                                            said: str) -> None:
+def test_wrong_input_is_reported_before_anything_is_computed(call: Call, folder: Path, arguments: tuple[str, ...],
+                                                             said: str) -> None:
     result = call(*COUNTS, *arguments)
     assert (result.exit_code, said in result.stderr) == (2, True), result.stderr
     assert os.listdir(folder) == ["beam.yaml"]
@@ -137,7 +137,7 @@ def test_convergence_has_the_same_options(call: Call) -> None:
 
 
 @pytest.mark.slow
-def test_interrupted_sweep_tells_its_rows_and_goes_on(folder: Path, call_json: CallJson) -> None:
+def test_an_interrupted_sweep_prints_its_rows_and_can_be_resumed(folder: Path, call_json: CallJson) -> None:
     (folder / "beam.yaml").write_text(LONG)
     # compiled beforehand, so that what is waited for is the sweep
     run_case(load_case_text(LONG, overrides=["solver.t_end=1e-3"], vocabulary=vocabulary()))

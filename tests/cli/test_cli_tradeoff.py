@@ -1,4 +1,4 @@
-"""ancf2d tradeoff as a user calls it."""
+"""``ancf2d tradeoff`` as a user calls it."""
 
 from __future__ import annotations
 
@@ -70,14 +70,14 @@ def test_file_holds_the_table_and_plot_draws_it_with_its_front(call: Call, folde
     (("--quadrature", "[2,"), "'[2,' is not a list of quadratures"),
     (("-o", "beam.yaml"), "is an input of this command"),
 ])
-def test_what_cannot_be_is_told_before_anything_is_computed(call: Call, arguments: tuple[str, ...], message: str,
-                                                            ) -> None:
+def test_wrong_input_is_reported_before_anything_is_computed(call: Call, arguments: tuple[str, ...], message: str,
+                                                             ) -> None:
     result = call("tradeoff", "beam.yaml", *arguments)
     assert result.exit_code == 2
     assert message in result.stderr
 
 
-def test_budget_without_room_is_a_failure_that_says_so(call: Call, call_json: CallJson) -> None:
+def test_a_budget_that_is_too_small_fails_with_a_reason(call: Call, call_json: CallJson) -> None:
     result = call("tradeoff", "beam.yaml", "--budget", "0")
     assert result.exit_code == 1
     assert "error: the budget did not allow any solution" in result.stderr
@@ -86,7 +86,7 @@ def test_budget_without_room_is_a_failure_that_says_so(call: Call, call_json: Ca
 
 
 def test_the_column_of_memory_has_one_width() -> None:
-    """A little more or less than a unit, and three digits whatever the last ones are."""
+    """Values near a change of unit have three digits whatever their last digits are."""
     for count, text in ((310, "0.31 kB"), (9994, "9.99 kB"), (9996, "10.0 kB"), (123_456, " 123 kB"),
                         (999_400, " 999 kB"), (999_600, "1.00 MB"), (1_100_000, "1.10 MB"), (2.5e9, "2.50 GB")):
         assert memory_text(int(count)) == text

@@ -1,4 +1,4 @@
-"""validate, as a user calls it."""
+"""``ancf2d validate`` as a user calls it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_validate_json_lists_the_problems_of_every_case(call_json: CallJson, fol
 
 
 def test_validate_reports_solver_and_model_problems_together(call: Call, folder: Path) -> None:
-    """What no solver offers does not hide a mechanism."""
+    """An unknown solver option does not hide a mechanism."""
     result = call("validate", "beam.yaml", "--set", "solver={type: static, method: arc_length}", "--set",
                   "boundary_conditions.root={type: pin, at: beam@0}")
     if "arc_length" not in result.stderr:

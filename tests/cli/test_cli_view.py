@@ -1,4 +1,4 @@
-"""``ancf2d view`` and what ``ancf2d plot`` draws of fields and in motion, as a user calls them."""
+"""``ancf2d view``, and fields and animations of ``ancf2d plot``, as a user calls them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def solved(call: Call, folder: Path) -> Call:
     return call
 
 
-def test_a_page_is_saved_with_its_size_and_what_it_holds(solved: Call, folder: Path) -> None:
+def test_a_page_is_saved_and_its_size_and_contents_are_printed(solved: Call, folder: Path) -> None:
     result = solved("view", "beam.h5", "--save", "page.html")
     assert result.exit_code == 0
     text = (folder / "page.html").read_text(encoding="utf-8")
@@ -37,7 +37,7 @@ def test_a_page_is_saved_with_its_size_and_what_it_holds(solved: Call, folder: P
     assert result.stdout.startswith(f"wrote page.html ({size} kB; all 4 states, displacements to 1/32767")
 
 
-def test_a_page_shows_fields_that_are_not_stored(solved: Call, folder: Path) -> None:
+def test_a_page_shows_fields_that_are_computed_from_states(solved: Call, folder: Path) -> None:
     assert solved("view", "beam.h5", "--field", "strain", "--field", "N", "--save", "page.html").exit_code == 0
     text = (folder / "page.html").read_text(encoding="utf-8")
     names = json.loads("[" + ",".join(re.findall(r'{"name":("[^"]*"),"frames"', text)) + "]")
@@ -49,7 +49,7 @@ def test_a_page_shows_fields_that_are_not_stored(solved: Call, folder: Path) -> 
 
 
 @pytest.mark.parametrize("flag", [True, False])
-def test_a_page_is_served_and_the_browser_opened_unless_told_not_to(solved: Call, monkeypatch: pytest.MonkeyPatch,
+def test_a_page_is_served_and_opened_in_the_browser_unless_disabled(solved: Call, monkeypatch: pytest.MonkeyPatch,
                                                                     flag: bool) -> None:
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", opened.append)
@@ -90,7 +90,7 @@ def test_fields_and_animations_of_a_solved_case(solved: Call, folder: Path) -> N
     (["--animate", "beam.h5"], "is an input of this command"),
     (["snapshots", "--at", "0,7"], "holds states from 0 to 1, none at 7"),
 ], ids=lambda value: " ".join(value) if isinstance(value, list) else "")
-def test_what_cannot_be_drawn_is_said(solved: Call, folder: Path, arguments: list[str], said: str) -> None:
+def test_unavailable_figures_are_explained(solved: Call, folder: Path, arguments: list[str], said: str) -> None:
     result = solved("plot", "beam.h5", *arguments)
     assert result.exit_code == 2
     assert said in result.stderr

@@ -1,4 +1,4 @@
-"""Files that commands write: which they replace, and odd names and texts."""
+"""Files that commands write: which files they replace, and unusual names and texts."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SUFFIXES = {"figure": ".png", "animation": ".gif", "export": ".csv", "reference"
 
 @pytest.mark.slow_rows("figure")
 @pytest.mark.parametrize("command", chosen(WRITING, ["run", "figure", "export"]))
-def test_what_ancf2d_did_not_make_is_replaced_by_force_only(solved: Call, folder: Path, command: str) -> None:
+def test_files_of_other_programs_are_replaced_only_with_force(solved: Call, folder: Path, command: str) -> None:
     mine = folder / f"mine{SUFFIXES.get(command, '.h5')}"
     mine.write_text(BEAM)
     before = sorted(os.listdir(folder))
@@ -47,7 +47,7 @@ def test_what_ancf2d_did_not_make_is_replaced_by_force_only(solved: Call, folder
 
 
 @covering(command=WRITING, name=["", ".", "/", "..", "none/a.csv", "beam.yaml/a.csv", 300 * "x"])
-def test_a_file_that_cannot_be_is_told_first(solved: Call, folder: Path, command: str, name: str) -> None:
+def test_an_impossible_output_file_is_reported_first(solved: Call, folder: Path, command: str, name: str) -> None:
     before = sorted(os.listdir(folder))
     result = solved(*WRITING[command], name)
     assert result.exit_code == 2
@@ -56,7 +56,7 @@ def test_a_file_that_cannot_be_is_told_first(solved: Call, folder: Path, command
     assert sorted(os.listdir(folder)) == before
 
 
-def test_new_never_replaces_a_case_unasked(call: Call, folder: Path) -> None:
+def test_new_replaces_a_case_only_with_force(call: Call, folder: Path) -> None:
     assert call("new", "beam").exit_code == 2
     assert (folder / "beam.yaml").read_text() == BEAM
     for name in ("", "sub/", "none/case", 300 * "x"):
@@ -69,8 +69,8 @@ def test_new_never_replaces_a_case_unasked(call: Call, folder: Path) -> None:
 ODD = "\x1b]0;mine\x07\x9b31m\u202eb"
 
 
-def test_terminals_are_given_no_commands_by_names_and_titles(call: Call, folder: Path) -> None:
-    """Titles and names of files are shown with escapes in place of what a terminal would obey."""
+def test_control_characters_in_names_and_titles_are_escaped(call: Call, folder: Path) -> None:
+    """Titles and file names are printed with escapes in place of control characters."""
     named = f"case{ODD}.yaml"
     (folder / named).write_text(BEAM.replace("title: Cantilever with a tip force", f"title: {json.dumps(ODD)}"))
     (folder / f"bad{ODD}.yaml").write_text(BEAM.replace("EI: 1.0e3", "EI: -1"))

@@ -1,4 +1,4 @@
-"""What is printed of a run through time, and what a progress bar says while it goes on."""
+"""The report of a motion, and its progress bar."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FACTS: dict[str, Any] = {
 
 
 def lines(units: Units | None = None, **changed: Any) -> dict[str, str]:
-    """The lines of the report that begin with a word, by that word."""
+    """Return the lines of the report, keyed by their first words."""
     text = run_report({**FACTS, **changed}, units or Units(), 1.0)
     return {line.split()[0]: line.split(maxsplit=1)[1] for line in text.split("\n") if " " in line}
 
@@ -36,7 +36,7 @@ def test_time_steps_energies_and_momentum() -> None:
     assert "error" not in found
 
 
-def test_steps_that_vary_and_were_given_up() -> None:
+def test_adaptive_and_rejected_steps() -> None:
     found = lines(dt=[1e-5, 2e-3], rejected=12)
     assert found["time"] == "1.5 s, steps from 1e-05 to 0.002 s, 12 steps rejected and repeated smaller"
     assert lines(dt=[1e-5, 2e-3], rejected=1)["time"].endswith("1 step rejected and repeated smaller")
@@ -56,7 +56,7 @@ def test_units_are_those_of_the_case() -> None:
     assert "[kN ms]" in found["momentum"]
 
 
-def test_a_run_that_came_nowhere_is_reported_too() -> None:
+def test_a_run_without_any_step_is_reported_too() -> None:
     nothing = {k: v for k, v in FACTS.items() if k not in ("t", "dt", "rejected", "energy", "energy_drift", "momentum")}
     assert "time" not in run_report(nothing, Units(), 1.0)
 
@@ -70,14 +70,14 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 class Terminal(io.StringIO):
-    """A stderr that is looked at."""
+    """A stderr that claims to be a terminal."""
 
     def isatty(self) -> bool:
         return True
 
 
-def test_bar_shows_the_time_reached_and_what_is_left(monkeypatch: pytest.MonkeyPatch, clock: list[float]) -> None:
-    """A run resumed at 0.4 that came to 0.6 in 10 s has 20 s left, which is told when it has settled."""
+def test_the_bar_shows_the_time_reached_and_the_time_left(monkeypatch: pytest.MonkeyPatch, clock: list[float]) -> None:
+    """A run resumed at 0.4 that reached 0.6 in 10 s has 20 s left, shown once this has settled."""
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     with Bar("solving", True) as bar:
@@ -98,7 +98,7 @@ def test_bar_shows_the_time_reached_and_what_is_left(monkeypatch: pytest.MonkeyP
     assert "100%  t = 10 of 10 s " in terminal.getvalue()
 
 
-def test_no_bar_where_none_is_shown(monkeypatch: pytest.MonkeyPatch, clock: list[float]) -> None:
+def test_no_bar_without_a_terminal(monkeypatch: pytest.MonkeyPatch, clock: list[float]) -> None:
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     with Bar("solving", False) as bar:

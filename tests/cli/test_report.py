@@ -1,4 +1,4 @@
-"""What is shown as zero: what is round-off beside the forces and displacements of the model, and nothing else."""
+"""Values shown as zero: round-off compared with the forces and displacements of the model, and nothing else."""
 
 from __future__ import annotations
 
@@ -24,33 +24,33 @@ def reaction(fx: float, fy: float, m: float, **options: Any) -> dict[str, str]:
     return shown("a", reactions={"a": {"fx": fx, "fy": fy, "m": m}}, **options)
 
 
-def test_moments_of_nothing_but_round_off_are_zero_beside_forces() -> None:
+def test_moments_of_round_off_are_zero_compared_with_forces() -> None:
     assert reaction(0.0, 5e5, -5.2e-9) == {"fx": "0", "fy": "500000", "m": "0"}
     # at a long lever arm as at a short one, in whatever units
     assert reaction(0.0, 5e5, -5.2e-9, extent=2e-3)["m"] == "-5.2e-09"
     assert reaction(0.0, 5e-7, -5.2e-21)["m"] == "0"
 
 
-def test_forces_of_nothing_but_round_off_are_zero_beside_moments() -> None:
+def test_forces_of_round_off_are_zero_compared_with_moments() -> None:
     assert reaction(1.7e-15, 3.9e-14, -6.28) == {"fx": "0", "fy": "0", "m": "-6.28"}
     assert reaction(1.7e-9, 0.0, -6.28)["fx"] == "1.7e-09"
 
 
-def test_rotations_of_nothing_but_round_off_are_zero_beside_displacements_and_the_other_way_round() -> None:
+def test_rotations_of_round_off_are_zero_compared_with_displacements_and_vice_versa() -> None:
     probe = {"x": 1.0, "y": 1e-17, "ux": 0.0, "uy": -9.7e-5, "theta": -1.1e-19}
     assert shown("mid", probes={"mid": probe}) == {"x": "1", "y": "0", "ux": "0", "uy": "-9.7e-05", "theta": "0"}
     turned = {"x": 0.0, "y": 3e-17, "ux": 2e-17, "uy": 0.0, "theta": 0.5}
     assert shown("mid", probes={"mid": turned}) == {"x": "0", "y": "0", "ux": "0", "uy": "0", "theta": "0.5"}
 
 
-def test_small_values_that_mean_something_stay() -> None:
+def test_small_significant_values_are_shown() -> None:
     probe = {"x": 1.0, "y": 0.0, "ux": -4.7e-15, "uy": -9.7e-5, "theta": 1e-14}
     assert shown("mid", probes={"mid": probe})["ux"] == "-4.7e-15"
     assert shown("mid", probes={"mid": probe})["theta"] == "1e-14"
     assert reaction(6.4e-4, 5e5, 0.0)["fx"] == "0.00064"
 
 
-def test_no_force_is_known_better_than_the_forces_left_unbalanced() -> None:
+def test_no_force_is_more_accurate_than_the_residual_force() -> None:
     assert reaction(6.4e-4, 5e5, 3e-3, unbalanced=2e-3) == {"fx": "0", "fy": "500000", "m": "0"}
     assert reaction(6.4e-4, 5e5, 5e-3, unbalanced=2e-3)["m"] == "0.005"
     # section forces of probes are forces as well
@@ -58,7 +58,7 @@ def test_no_force_is_known_better_than_the_forces_left_unbalanced() -> None:
     assert shown("mid", probes=probes, unbalanced=2e-3) == {"N": "0", "Q": "500000", "M": "0"}
 
 
-def test_what_is_far_off_balance_is_not_taken_for_round_off() -> None:
+def test_large_residual_forces_are_not_taken_for_round_off() -> None:
     assert reaction(100.0, 5e5, 0.0, unbalanced=1e4)["fx"] == "100"
 
 
@@ -86,7 +86,7 @@ def test_limit_points_bifurcations_and_buckling_loads_are_listed() -> None:
         assert expected in text
 
 
-def test_limit_points_and_expected_values_have_units_in_the_case_s_own() -> None:
+def test_limit_points_and_expected_values_have_the_units_of_the_case() -> None:
     probe = {"ux": 1.0, "uy": 2.0, "theta": 0.5}
     summary = {**FACTS, "solver": "static", "iterations": 1, "steps": 1, "probes": {}, "reactions": {},
                "limit_points": [{"factor": 3.0, "probes": {"tip": probe}}],
@@ -97,8 +97,8 @@ def test_limit_points_and_expected_values_have_units_in_the_case_s_own() -> None
     assert "tip uy [mm]  " in text.splitlines()[-1]
 
 
-def test_the_column_of_times_is_as_wide_whatever_they_are() -> None:
-    """So that two runs can be compared line by line."""
+def test_the_column_of_times_has_a_fixed_width() -> None:
+    """Two runs can then be compared line by line."""
     widths = {table([["n", TIME, "x"], ["2", duration(t), "y"]])[0].index("x")
               for t in (1e-5, 9.99e-4, 0.0144, 0.0521, 0.521, 1.0, 9.87, 118.0, 3000.0, 9e4)}
     assert len(widths) == 1
@@ -109,12 +109,12 @@ def test_times_near_a_change_of_unit_have_no_exponent() -> None:
     assert [duration(t) for t in (9.996e-4, 0.9996, 119.9, 7199.0, 9e4)] == ["1 ms", "1 s", "120 s", "120 min", "25 h"]
 
 
-def test_what_an_iteration_left_of_nothing_is_nothing() -> None:
+def test_residuals_of_vanishing_values_are_zero() -> None:
     assert [number(v) for v in (-2.3e-145, 5e-324, 0.0, 1e-40, None)] == ["0", "0", "0", "1e-40", "-"]
 
 
-def test_contacts_are_listed_with_force_and_zone_or_what_presses_if_forces_cancel() -> None:
-    """A body on itself has no resultant; what touches nothing has no zone."""
+def test_contacts_are_listed_with_resultant_and_zone_or_the_sum_of_pressing_forces() -> None:
+    """Contact of a body with itself has no resultant; without contact there is no zone."""
     found = [{"name": "grip", "force": [0.3, 2.5], "normal": 2.5, "length": 0.5, "from": 0.25, "to": 0.5},
              {"name": "fold", "force": [0.0, 0.0], "normal": 3.5, "length": 0.1, "from": 0.2, "to": 0.7},
              {"name": "far", "force": [0.0, 0.0], "normal": 0.0, "length": 0.0, "from": None, "to": None}]

@@ -1,4 +1,4 @@
-"""Every command of the documents runs and prints what is shown; generated parts are current; links lead to files."""
+"""Commands of the documents run and print what is shown; generated parts are current; links lead to files."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ ZERO = re.compile(r"-?\b\d(\.\d+)?e-(0[7-9]|[1-9]\d)\b")
 
 
 def commands(text: str) -> list[tuple[str, list[str] | None]]:
-    """Return (command, lines it prints) of the console blocks and (command, None) of the bash blocks, in order."""
+    """Return the commands of console blocks with the lines they print, and of bash blocks with None, in order."""
     out: list[tuple[str, list[str] | None]] = []
     for language, body in BLOCK.findall(text):
         if language == "bash":
@@ -50,13 +50,13 @@ def commands(text: str) -> list[tuple[str, list[str] | None]]:
 
 
 def normal(line: str) -> str:
-    """Return a line without what depends on the machine, and without the width of columns."""
+    """Return a line without its machine-dependent parts and the width of columns."""
     line = ZERO.sub("0", TIME.sub("TIME", line))
     return " ".join(line.split())
 
 
 def agrees(shown: list[str], printed: str) -> bool:
-    """Whether a command printed what is shown; a line ``...`` stands for any number of lines."""
+    """Whether a command printed the expected lines; a line ``...`` stands for any number of lines."""
     pattern = "".join(r"(?:.*\n)*?" if line == "..." else re.escape(normal(line)) + "\n" for line in shown)
     text = "".join(normal(line) + "\n" for line in printed.splitlines())
     return re.fullmatch(pattern.replace(re.escape("\n"), "\n"), text) is not None
@@ -98,7 +98,7 @@ def run(command: str) -> tuple[int, str, str]:
 
 @pytest.mark.slow
 @EVERY
-def test_commands_run_and_print_what_is_shown(document: Path, workplace: Path) -> None:
+def test_commands_print_the_output_shown(document: Path, workplace: Path) -> None:
     text = document.read_text(encoding="utf-8")
     for name, content in NAMED_FILE.findall(text):
         (workplace / name).write_text(content, encoding="utf-8")
@@ -127,7 +127,7 @@ def words_to_avoid() -> list[str]:
 
 
 def prose(document: Path) -> str:
-    """Return a document without its code."""
+    """Return a document without its code blocks."""
     text = re.sub(r"^```.*?^```$", "", document.read_text(encoding="utf-8"), flags=re.M | re.S)
     return re.sub(r"`[^`]*`", "", text)
 
@@ -154,8 +154,15 @@ def test_texts_use_one_term_for_each_idea() -> None:
     assert found == []
 
 
+def test_names_of_tests_have_nouns_as_subjects() -> None:
+    names = [name for path in (ROOT / "tests").rglob("test_*.py")
+             for name in re.findall(r"^def (test_\w+)", path.read_text(encoding="utf-8"), re.M)]
+    assert names
+    assert [name for name in names if re.match("test_(what|whatever|where|that)_", name)] == []
+
+
 def headings(document: Path) -> set[str]:
-    """Return the names by which links lead to the headings of a document."""
+    """Return the anchors of the headings of a document."""
     text = re.sub(r"^```.*?^```$", "", document.read_text(encoding="utf-8"), flags=re.M | re.S)
     return {re.sub(r"[^\w\- ]", "", h.lower()).strip().replace(" ", "-") for h in re.findall(r"^#+ (.*)$", text, re.M)}
 
@@ -190,7 +197,7 @@ def test_generated_parts_are_current(capsys: pytest.CaptureFixture[str], monkeyp
     assert make_docs.main(["--check"]) == 0, capsys.readouterr().out + "run: python -m scripts.make_docs"
 
 
-def test_generated_tables_are_compared_but_for_round_off() -> None:
+def test_generated_tables_are_compared_up_to_round_off() -> None:
     from scripts.make_docs import same
 
     row = "| tip y | -0.300792 | -0.3014365 | 6.4e-04 | ok |"
@@ -207,7 +214,7 @@ def test_generated_tables_are_compared_but_for_round_off() -> None:
     assert not same("1.0000001", "1.0000002")
 
 
-def test_output_is_compared_but_for_times_and_round_off() -> None:
+def test_output_is_compared_up_to_times_and_round_off() -> None:
     assert agrees(["tip  1.5  3 ms  -5.2e-09", "...", "end"], "tip 1.5 12.1 ms 7e-12\nany\nmore\nend\n")
     assert not agrees(["tip  1.5"], "tip 1.6\n")
     assert not agrees(["a"], "a\nb\n")

@@ -1,4 +1,4 @@
-"""The measured tables of motions and robustness: their places, and with --pages themselves."""
+"""The measured tables of motions and robustness: their places on the pages, and with --pages their contents."""
 
 from __future__ import annotations
 

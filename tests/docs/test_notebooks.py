@@ -1,4 +1,4 @@
-"""Every notebook of the documents runs from its first cell to its last, and its figures and tables are shown."""
+"""Every notebook of the documents runs from the first cell to the last and shows its figures and tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a release says of itself is the same everywhere."""
+"""Version, licence, changelog and citation agree everywhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The documents as a site: all of them are in its table of contents, and it builds without a warning."""
+"""The documents as a site: its table of contents is complete, and it builds without a warning."""
 
 from __future__ import annotations
 

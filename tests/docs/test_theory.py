@@ -1,4 +1,4 @@
-"""The theory names everything that a case can ask for."""
+"""The theory covers everything that a case can use."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ THEORY = (ROOT / "docs" / "theory.md").read_text(encoding="utf-8")
 
 
 def rows(heading: str) -> str:
-    """Return the first columns of the tables below a heading, up to the next one of its rank."""
+    """Return the first columns of the tables below a heading, up to the next heading of the same level."""
     rank = heading.split()[0]
     text = THEORY[THEORY.index(f"\n{heading}\n") + 1:]
     end = text.find(f"\n{rank} ", 1)
@@ -28,7 +28,7 @@ def rows(heading: str) -> str:
     ("## Formulations", list(FORMULATIONS)),
     ("## Motion", list(INTEGRATORS)),
 ])
-def test_everything_has_a_row_that_says_when_to_take_it(heading: str, names: list[str]) -> None:
+def test_every_choice_has_a_row_that_says_when_to_use_it(heading: str, names: list[str]) -> None:
     assert [name for name in names if f"`{name}`" not in rows(heading)] == []
 
 

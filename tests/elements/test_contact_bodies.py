@@ -23,7 +23,7 @@ ROUGH = {"layer": laws.COMPLIANT_BODIES, "hard": laws.ROUGH_BODIES}
 
 
 class Point:
-    """A point of one bent curve within another, and how the law is asked."""
+    """A contact point of one bent curve within another, and the call of the law there."""
 
     def __init__(self, law, one, two, place, damping=0.0, depth=0.03, after=1.0, angle=0.0):
         rng = np.random.default_rng(5)
@@ -63,7 +63,7 @@ class Point:
             self.w[:] = 0.1 * rng.standard_normal(len(self.w))
 
     def _move_to_depth(self, depth):
-        """Move the point to so deep below the place that it is opposite to."""
+        """Move the point to a given depth below the opposite place."""
         own, work, across = (np.zeros(geometry.WORK) for _ in range(3))
         m = self.sizes[0]
         other = self.par[geometry.OPPOSITE:]
@@ -108,8 +108,8 @@ def test_stiffness_and_damping_are_the_derivatives_of_the_forces(kind, one, two,
 
 
 @helpers.pairwise(one=ONE, two=TWO, place=["within", "end"], fading=FADING, damping=[0.0, 0.4])
-def test_pressure_that_fades_has_a_potential(one, two, place, fading, damping):
-    """Its stiffness is that of its forces, but for terms of a higher order in the depth."""
+def test_pressure_that_fades_near_ends_has_a_potential(one, two, place, fading, damping):
+    """Its stiffness is the derivative of its forces, up to terms of a higher order in the depth."""
     (away, angle), errors = FADING[fading], []
     for depth in (1e-2, 1e-3):
         # its foot point is 0.4 from the end of the curve
@@ -165,7 +165,7 @@ def test_shares_have_their_derivatives_and_are_the_same_for_both_surfaces_of_a_c
 
 
 def rubbing(one, two, place, slides, depth, law=laws.COMPLIANT_BODIES):
-    """Return a point that friction holds, or that slides; without a law as whoever solves says."""
+    """Return a point that sticks or slides by friction; without a law, in the state that the solver gives."""
     point = Point(law, one, two, place, 0.4, depth)
     other, m = point.par[geometry.OPPOSITE:], point.sizes[0]
     own, work, across = (np.zeros(geometry.WORK) for _ in range(3))
@@ -185,7 +185,7 @@ def rubbing(one, two, place, slides, depth, law=laws.COMPLIANT_BODIES):
                        "tapered tangent-tapered theta-within-False-layer", "theta-tapered theta-within-False-layer")
 @helpers.pairwise(one=ONE, two=TWO, place=["within", "end"], slides=[False, True],
                   kind=ROUGH)
-def test_friction_has_its_derivatives_but_for_the_depth_and_takes_its_power(one, two, place, slides, kind):
+def test_friction_has_its_derivatives_except_by_depth_and_dissipates_its_power(one, two, place, slides, kind):
     depth = 1e-3
     point, plain = (rubbing(one, two, place, slides, depth, ROUGH[kind]) for _ in range(2))
     plain.par[geometry.FRICTION] = 0.0
@@ -237,7 +237,7 @@ def check_balance(point, sections):
     np.testing.assert_allclose(total, 0.0, atol=1e-12 * np.abs(f).max())
 
 
-def test_nothing_acts_where_bodies_are_apart_or_nothing_is_opposite():
+def test_no_force_where_bodies_are_apart_or_nothing_is_opposite():
     for law in (laws.COMPLIANT_BODIES, laws.HARD_BODIES):
         point = Point(law, "curve", "theta", "within")
         point.u[-1] = 0.0

@@ -24,7 +24,7 @@ LENGTH = 1.3
 
 
 class Point:
-    """One point of contact: a bent curve, an obstacle somewhere on it, and how the law is asked."""
+    """A contact point of a bent curve, an obstacle somewhere on the curve, and the call of the law there."""
 
     def __init__(self, law, section, pose, shape, friction=0.0, free=False, damping=0.0, bends=0.0):
         rng = np.random.default_rng(3)
@@ -63,7 +63,7 @@ class Point:
 
 
 def differences(function, x, h=1e-5, linear=False):
-    """Return d function/dx (..., n) by central differences of fourth order, or of second where that is enough."""
+    """Return d function/dx (..., n) by central differences of fourth order, or second order if that suffices."""
     out = []
     for e in h * np.eye(len(x)):
         near = function(x + e) - function(x - e)
@@ -99,7 +99,7 @@ def test_stiffness_and_damping_are_the_derivatives_of_the_forces(contact, sectio
 
 @pytest.mark.parametrize("force", [0.0, 3.0])
 @pytest.mark.parametrize("shape", ["circle", "polyline"])
-def test_a_point_slides_to_where_the_gap_is_least_beside_what_the_beam_yields(shape, force):
+def test_a_point_moves_to_the_least_gap_within_the_flexibility_of_the_beam(shape, force):
     point = Point(HARD, "curve", "still", shape, free=1, damping=1.1, bends=0.1)
     work = np.zeros(geometry.WORK)
     z = sliding.sliding_place(point.par, point.p0, point.u, point.mem, force, work)
@@ -117,8 +117,8 @@ def test_a_point_slides_to_where_the_gap_is_least_beside_what_the_beam_yields(sh
     np.testing.assert_allclose(slopes, 0.0, atol=1e-9)
 
 
-def test_a_point_that_stands_on_a_corner_presses_across_the_curve():
-    """Its place is that of the corner, and forces there are the limit of those beside it."""
+def test_a_point_on_a_corner_presses_normal_to_the_curve():
+    """Its place is the corner; the forces there are the limit of those next to it."""
     point = Point(HARD, "curve", "still", "polyline", free=1)
     work = np.zeros(geometry.WORK)
     # a straight curve from the left to the right through (0.2, 0.4), where z is 0.5
@@ -135,8 +135,8 @@ def test_a_point_that_stands_on_a_corner_presses_across_the_curve():
     np.testing.assert_allclose(found[0][0][4:8], -3.0 * 0.5**np.arange(4), rtol=1e-9)
 
 
-def test_a_beam_yields_between_two_places_as_one_that_is_clamped_there():
-    """Deflection of a clamped beam under a force at a and under one at b (Roark's formulas, table 8.1, 1d)."""
+def test_the_flexibility_between_two_places_is_that_of_a_clamped_beam():
+    """Deflection of a clamped beam at b under a force at a (Roark's formulas, table 8.1, 1d)."""
     point = Point(HARD, "curve", "still", "circle", damping=0.5, bends=2.0 / 3.0)
     home, EI, length = point.par[geometry.HOME], 0.5, 1.0
 
@@ -152,7 +152,7 @@ def test_a_beam_yields_between_two_places_as_one_that_is_clamped_there():
     assert sliding.compliance(point.par, home + 0.15)[0] == pytest.approx(deflection(0.65, 0.65), rel=1e-12)
 
 
-def test_nothing_acts_on_a_point_that_is_away_and_nothing_pulls():
+def test_open_points_have_no_force_and_closed_ones_never_pull():
     point = Point(HARD, "curve", "still", "half plane")
     away, pulled = point.u.copy(), point.u.copy()
     away[4], away[-1] = 10.0, 0.0
@@ -180,8 +180,8 @@ def gap_of(point):
 
 
 @pytest.mark.parametrize("law", [COMPLIANT, HARD], ids=["layer", "hard"])
-def test_what_comes_in_with_its_back_presses_from_the_gap_on_at_which_it_turns(law):
-    """Energy of a layer and forces are 0 there, so nothing jumps; out of the obstacle all is as before."""
+def test_a_back_inside_an_obstacle_presses_from_the_gap_at_which_it_turns(law):
+    """The energy of the layer and its forces are 0 there, so nothing jumps; outside the obstacle nothing changes."""
     point = Point(law, "curve", "still", "circle")
     if law is HARD:
         point.u[-1] = 0.0
@@ -218,7 +218,7 @@ def test_what_comes_in_with_its_back_presses_from_the_gap_on_at_which_it_turns(l
 
 
 @pytest.mark.parametrize("law", [COMPLIANT, HARD], ids=["layer", "hard"])
-def test_what_presses_goes_on_pressing_when_its_face_turns_away(law):
+def test_a_pressing_point_keeps_pressing_when_its_face_turns_away(law):
     point = Point(law, "curve", "still", "circle")
     point.par[geometry.FACE] = -1.0
     law.accept(point.p0, point.u, point.par, point.mem)
@@ -231,7 +231,7 @@ def test_what_presses_goes_on_pressing_when_its_face_turns_away(law):
 
 @pytest.mark.parametrize("law", [COMPLIANT, HARD], ids=["layer", "hard"])
 @pytest.mark.parametrize("pose", ["still", "angle"])
-def test_a_face_looks_where_its_section_does_also_where_the_axis_is_sheared(law, pose):
+def test_a_face_has_the_direction_of_its_section_even_if_the_axis_is_sheared(law, pose):
     """Two elements share the section at a node, but not the slope of the axis. The disc is below."""
     point = Point(law, "theta", pose, "circle")
     point.p0[6:9] = 0.0
@@ -248,8 +248,8 @@ def test_a_face_looks_where_its_section_does_also_where_the_axis_is_sheared(law,
 
 @pytest.mark.slow_rows("tangent-angle-pipe--0.86")
 @pairwise(section=SECTIONS, pose=POSES, shape=SHAPES, home=[-0.86, 0.3])
-def test_points_of_a_curve_together_are_the_sum_of_each(section, pose, shape, home):
-    """The first one tells whether the curve is apart from the obstacle: none of the others acts then."""
+def test_points_of_a_curve_together_are_the_sum_of_single_points(section, pose, shape, home):
+    """The first one decides whether the curve is apart from the obstacle; then the others have no force."""
     point, rng = Point(COMPLIANT, section, pose, shape, 0.3, damping=0.4), np.random.default_rng(7)
     terms = SECTIONS[section][1]
     if shape == "polyline":
@@ -279,7 +279,7 @@ def test_points_of_a_curve_together_are_the_sum_of_each(section, pose, shape, ho
     assert apart > 3 or shape == "pipe"
 
 
-def test_nothing_is_told_of_the_curve_beside_an_open_polyline():
+def test_a_point_beyond_an_open_polyline_has_no_force_and_no_bound():
     point = Point(COMPLIANT, "curve", "still", "polyline")
     point.u[4] = 50.0
     assert point(point.u, point.w)[0] == 0.0
@@ -289,8 +289,8 @@ def test_nothing_is_told_of_the_curve_beside_an_open_polyline():
 @pytest.mark.parametrize("section", SECTIONS)
 @pytest.mark.parametrize("pose", POSES)
 @pytest.mark.parametrize("shape", SHAPES)
-def test_a_hard_point_cannot_touch_before_its_fields_have_changed_by_the_distance_that_it_states(section, pose, shape):
-    """The sum of their changes is a bound, also where sections and obstacles rotate."""
+def test_a_hard_point_cannot_touch_before_its_fields_change_by_its_distance(section, pose, shape):
+    """The sum of their changes is a bound, also if sections and obstacles rotate."""
     point, rng, said = Point(HARD, section, pose, shape), np.random.default_rng(11), 0
     if shape == "polyline":
         # closed

@@ -1,4 +1,4 @@
-"""Discrete Jacobians between two states: exact increments of strain, none by turning, derivatives in the limit."""
+"""Discrete Jacobians between two states: exact strain increments, invariance to rotation, derivatives in the limit."""
 
 import helpers
 import numpy as np
@@ -22,7 +22,7 @@ def law(formulation: str, geometry: str):
 
 
 def discrete(formulation: str, law, station: int, u0, u1):
-    """Return eps1 - eps0 and J from a matrix that holds what ``strain`` leaves there."""
+    """Return eps1 - eps0 and J from the matrix that ``strain`` fills."""
     (eps0, _), (eps1, J) = (evaluate(formulation, law, station, u) for u in (u0, u1))
     point = FORMULATIONS[formulation].law
     n, m, k = point.fields, point.strains, point.references
@@ -42,7 +42,7 @@ def position_gradients(law, station: int, u):
 @settings(max_examples=10, deadline=None)
 @given(seed=SEEDS, size=st.floats(-8, 0))
 def test_increment_of_strain_is_exact(formulation, geometry, seed, size):
-    """Also for increments small beside the displacements: what is left is the round-off of the two strains."""
+    """Also for small increments at large displacements: only the round-off of the two strains remains."""
     sampled = law(formulation, geometry)
     rng = np.random.default_rng(seed)
     station = int(rng.integers(sampled.B.shape[2]))

@@ -1,4 +1,4 @@
-"""Strain energies against their definitions, written out with deformation gradients in whole numbers of lines."""
+"""Strain energies compared with their definitions, written with deformation gradients."""
 
 import helpers
 import numpy as np
@@ -193,7 +193,7 @@ def test_selective_rules_share_the_energy_between_normal_and_shear_points(formul
 
 @pytest.mark.parametrize("name", [n for n in helpers.SMALL_TYPES if helpers.TYPES[n].degree_y > 0])
 def test_the_exact_rule_integrates_a_straight_element_exactly(name):
-    """A rule with more points than the exact one must change nothing; one with fewer must."""
+    """A rule with more points than the exact one must change nothing; one with fewer points must change the energy."""
 
     def energy(quadrature):
         spec = helpers.element(name, 1, "continuum", quadrature=quadrature)

@@ -1,4 +1,4 @@
-"""Point laws: forces, stiffness and damping as derivatives, and what turning a scene changes."""
+"""Point laws: forces, stiffness and damping as derivatives, and rotations of the whole scene."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ancf2d.model.switched import HELD, HELD_ALIGNED, HELD_ANGLE
 
 
 def hardening(s, rate, par):
-    """A spring that hardens, with a damper whose force grows with the square of the rate: energy, N, dN/ds, dN/dr."""
+    """Return energy, N, dN/ds and dN/dr of a hardening spring with a damper that is quadratic in the rate."""
     k, c = par[0], par[1]
     return k * (s**2 / 2 + s**4), k * (s + 4 * s**3) + c * rate * abs(rate), k * (1 + 12 * s * s), 2 * c * abs(rate)
 
@@ -136,7 +136,7 @@ def test_forces_of_springs_are_the_gradient_of_their_energy(name):
 
 
 @pytest.mark.parametrize("name", ELASTIC)
-def test_what_dampers_dissipate_is_the_power_of_their_forces(name):
+def test_the_dissipation_of_dampers_is_the_power_of_their_forces(name):
     item = ITEMS[name]
     u, w = motion(item, 3)
     f, zero, square = np.zeros(len(u)), np.zeros(MAX_MEM), np.zeros((len(u), len(u)))
@@ -147,7 +147,7 @@ def test_what_dampers_dissipate_is_the_power_of_their_forces(name):
 
 @pytest.mark.parametrize("name", [n for n in ELASTIC if "hardening" not in n])
 def test_dampers_resist_the_rate_of_length_or_angle(name):
-    """f . w = c (rate)^2 beyond the spring's own power, with the rate from the change of the spring's energy."""
+    """f . w = c (rate)^2 plus the power of the spring, with the rate from the change of the spring's energy."""
     item = ITEMS[name]
     u, w = motion(item, 3)
     _, still, _, _ = evaluate(item, u)
@@ -166,7 +166,7 @@ def test_dampers_resist_the_rate_of_length_or_angle(name):
     assert w @ C @ w == pytest.approx(c * rate**2, rel=1e-6)
 
 
-def test_a_damper_without_length_resists_any_rate():
+def test_a_damper_of_zero_length_resists_any_rate():
     w = np.array([0.3, -0.2])
     _, f, _, C = evaluate(ITEMS["spring without length"], np.zeros(2), w)
     np.testing.assert_allclose(f, 0.4 * w)
@@ -187,14 +187,14 @@ def test_constraint_forces_are_the_gradient_of_multiplier_times_violation(name):
 
 
 def force_of_state(law, p0, par, u, w, a=A):
-    """Return what a law of forces alone has at a state: f, H and C."""
+    """Return f, H and C of a law at a state."""
     f, H, C = np.zeros(len(p0)), *np.zeros((2, len(p0), len(p0)))
     assert law.forces(p0, u, w, par, a, np.zeros(MAX_MEM), f, H, C) == (0.0, 0.0)
     return f, H, C
 
 
 def check_derivatives_and_middle(law, p0, par, u, w):
-    """H and C are derivatives of the forces at a state, and the force of a step is that of its middle."""
+    """Check that H and C are derivatives of the forces, and that the force of a step is that of its mid-point."""
     f, H, C = force_of_state(law, p0, par, u, w)
     np.testing.assert_allclose(H, differences(lambda u: force_of_state(law, p0, par, u, w)[0], u), atol=1e-9)
     np.testing.assert_allclose(C, differences(lambda w: force_of_state(law, p0, par, u, w)[0], w), atol=1e-9)
@@ -206,8 +206,8 @@ def check_derivatives_and_middle(law, p0, par, u, w):
 
 
 @pytest.mark.parametrize("raw", RAW.values(), ids=["theta", "a direction", "no angle"])
-def test_a_load_by_formula_has_its_derivatives_and_in_a_step_the_force_of_its_middle(raw):
-    """F = weight A (x y - 2 vx + s t, y^2 - x vy), with theta in both where the section turns."""
+def test_a_load_by_formula_has_its_derivatives_and_the_mid_point_force_in_a_step(raw):
+    """F = weight A (x y - 2 vx + s t, y^2 - x vy), with theta added to both if the section turns."""
     kind, s, weight = next(k for k, v in RAW.items() if v is raw), 0.3, 0.7
     turns = 0.0 if kind == GROUND else 1.0
     texts = [f"x*y - 2*vx + s*t + {turns}*x*theta", f"y^2 - x*vy - {turns}*theta^2"]
@@ -223,7 +223,7 @@ def test_a_load_by_formula_has_its_derivatives_and_in_a_step_the_force_of_its_mi
     assert not f[2:].any()
 
 
-def test_a_force_by_position_has_its_derivatives_and_in_a_step_that_of_its_middle():
+def test_a_force_by_position_has_its_derivatives_and_the_mid_point_force_in_a_step():
     """F = A k (x y, y^2 - x), which has no potential."""
     law = position_law("swirl", lambda x, y, par: (par[0] * x * y, par[0] * (y * y - x), par[0] * y, par[0] * x,
                                                    -par[0], 2 * par[0] * y), False)
@@ -233,7 +233,7 @@ def test_a_force_by_position_has_its_derivatives_and_in_a_step_that_of_its_middl
     np.testing.assert_allclose(f, -A[0] * k * np.array([x * y, y * y - x]), atol=1e-14)
 
 
-def test_mass_that_passes_a_point_has_its_derivatives_and_in_a_step_the_force_of_its_middle():
+def test_mass_flowing_past_a_point_has_its_derivatives_and_the_mid_point_force_in_a_step():
     """m (2 v r_x' + v' r_x) on r, -m v^2 r_x on r_x, and v^2 r_x of the mass that leaves at an end."""
     m, end, (v, rate, _) = 0.7, 0.3, A
     for law, n in ((FLOW, 2), (TURNING, 1)):
@@ -246,7 +246,7 @@ def test_mass_that_passes_a_point_has_its_derivatives_and_in_a_step_the_force_of
 
 
 def turned(item, u, angle):
-    """Return the displacements of the fields after the whole scene has turned."""
+    """Return the displacements of the fields after a rotation of the whole scene."""
     p = item.p0 + u
     c, s = np.cos(angle), np.sin(angle)
     for k in item.vectors:
@@ -260,7 +260,7 @@ def turned(item, u, angle):
 @settings(max_examples=20, deadline=None)
 @pytest.mark.parametrize("name", [n for n in ITEMS if n[-2:] not in ("01", "02", "10", "20") and n != "held"])
 def test_turning_the_scene_turns_the_forces_and_keeps_the_energy(name, angle, size):
-    """Directions are given in the frame of their own reference: they turn as vectors of the plane do."""
+    """Directions in the frame of their own reference turn like vectors of the plane."""
     item = ITEMS[name]
     u = 0.4 * np.array(size[:len(item.p0)])
     mem = np.zeros(MAX_MEM)
@@ -289,13 +289,13 @@ def test_turns_are_counted_from_one_accepted_state_to_the_next(a, b):
         count_turns(item.p0, u, item.par, mem)
 
 
-def test_stretch_of_springs_keeps_the_digits_of_small_displacements():
+def test_elongations_of_springs_keep_the_digits_of_small_displacements():
     item = _item("translational", [1e3, 0.0], [1e3, 1e3, 1.0, 0.0, 0.0, 0.0])
     _, f, _, _ = evaluate(item, np.array([1e-12, 0.0]))
     assert f[0] == pytest.approx(1e-12, rel=1e-12, abs=0)
 
 
-def test_series_of_small_angles_are_those_of_sines():
+def test_series_for_small_angles_agree_with_sines():
     for x in (1e-8, 3e-5, 0.999e-3, 1.001e-3, 0.3):
         for angle in (x, -x):
             assert half_sine(angle) == pytest.approx(np.sin(0.5 * angle) / (0.5 * angle), rel=1e-14)

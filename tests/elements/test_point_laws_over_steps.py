@@ -27,7 +27,7 @@ def mean(item, u0, u1, w=None, a0=A, a1=A, mem=None):
 @example(first=[0.0, 0.015625, 0.0, -0.5, 0.0, 0.0], second=[0.0078125, 0.015625, 0.0, -0.5, 0.0, 0.0])
 @settings(max_examples=20, deadline=None)
 @pytest.mark.parametrize("name", ELASTIC)
-def test_the_force_of_a_step_does_the_difference_of_energy_as_work(name, first, second):
+def test_the_work_of_the_force_of_a_step_is_the_difference_of_energy(name, first, second):
     item = ITEMS[name]
     u0, u1 = np.array(first[:len(item.p0)]), np.array(second[:len(item.p0)])
     before, after = evaluate(item, u0)[0], evaluate(item, u1)[0]
@@ -40,8 +40,8 @@ def test_the_force_of_a_step_does_the_difference_of_energy_as_work(name, first, 
 @given(first=STEP, second=STEP)
 @settings(max_examples=20, deadline=None)
 @pytest.mark.parametrize("name", ELASTIC)
-def test_dampers_take_what_they_say_over_a_step(name, first, second):
-    """With the mean rate of a step of length h, f . (u1 - u0) = U1 - U0 + h * power, and the power is not negative."""
+def test_dampers_dissipate_their_stated_power_over_a_step(name, first, second):
+    """For the mean rate of a step of length h, f . (u1 - u0) = U1 - U0 + h * power, with power >= 0."""
     item, h = ITEMS[name], 0.3
     u0, u1 = np.array(first[:len(item.p0)]), np.array(second[:len(item.p0)])
     _, power, f = mean(item, u0, u1, (u1 - u0) / h)
@@ -88,8 +88,8 @@ def test_loads_take_the_mean_amplitude_of_a_step():
 @given(first=STEP, second=STEP)
 @settings(max_examples=20, deadline=None)
 @pytest.mark.parametrize("name", [n for n in BALANCED if n[-2:] not in ("01", "02", "10", "20")])
-def test_the_forces_of_a_step_turn_nothing_about_its_middle(name, first, second):
-    """Angular momentum: inner forces have no moment on the mean of both states; a moment has its own."""
+def test_the_forces_of_a_step_have_no_moment_about_its_mid_point(name, first, second):
+    """Angular momentum: internal forces have no moment on the mean of both states; a moment load has its own."""
     item = ITEMS[name]
     u0, u1 = 0.6 * np.array(first[:len(item.p0)]), 0.6 * np.array(second[:len(item.p0)])
     p, f = item.p0 + 0.5 * (u0 + u1), mean(item, u0, u1, u1 - u0)[2]
@@ -108,8 +108,8 @@ def test_the_force_of_a_step_is_that_of_the_mean_direction():
     assert not f[2:].any()
 
 
-def test_a_step_across_the_back_of_a_direction_keeps_its_energy():
-    """From just below pi to just above: the angle goes on, whatever the arc tangent says."""
+def test_a_step_across_the_branch_cut_of_the_angle_keeps_its_energy():
+    """From just below pi to just above: the angle continues beyond the range of the arc tangent."""
     item = ITEMS["torsion 02"]
     states = [np.array([1.3 * (np.cos(x) - 1), 1.3 * np.sin(x)]) for x in (3.0, 3.4)]
     energy, _, f = mean(item, *states, mem=np.array([0.0, 3.0]))

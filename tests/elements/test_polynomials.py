@@ -1,4 +1,4 @@
-"""Basis functions as text: what is read, what is refused, and that the shifted coefficients are the polynomial."""
+"""Basis functions as text: accepted and refused texts, and shifted coefficients."""
 
 import numpy as np
 import pytest
@@ -58,7 +58,7 @@ def test_degrees_are_the_highest_powers():
         "x" * 300,
     ],
 )
-def test_what_is_no_polynomial_is_refused(text):
+def test_other_texts_are_refused(text):
     with pytest.raises(ValueError, match=r"."):
         parse(text)
 

@@ -76,7 +76,7 @@ def test_positions_are_a_partition_of_unity_and_complete_to_first_order(name):
         np.testing.assert_allclose(S @ e[:, 1], Y, atol=1e-13)
 
 
-def test_omar_is_equation_5_with_its_slip_mended():
+def test_omar_is_equation_5_with_its_misprint_corrected():
     x, y, l = X, Y, L
     closed = [
         1 - 3 * x**2 / l**2 + 2 * x**3 / l**3,
@@ -118,7 +118,7 @@ def test_2d3n_is_equation_28():
 
 
 @pytest.mark.parametrize(("member", "name"), [((1, 1), "kerkkanen"), ((2, 1), "vallejo")])
-def test_low_members_of_the_family_are_the_published_elements(member, name):
+def test_low_orders_of_the_family_are_the_published_elements(member, name):
     a, b = ancf(*member), ELEMENTS[name]
     assert a.functionals == b.functionals
     assert [n.at for n in a.nodes] == [n.at for n in b.nodes]
@@ -132,7 +132,7 @@ def test_the_papers_common_coefficient_is_the_limit_nu_1_of_the_consistent_one(n
 
 
 def test_2d2n_depends_on_the_direction_of_its_axis_and_omar_does_not():
-    """Turned by half a turn about its middle an element must be itself: x -> l - x, y -> -y, nodes exchanged."""
+    """A symmetric element is itself after half a turn about its middle: x -> l - x, y -> -y, nodes exchanged."""
     swap, sign = [3, 4, 5, 0, 1, 2], [1, -1, -1, 1, -1, -1]
     for name, symmetric in (("omar", True), ("2d2n", False)):
         S = shape(name)
@@ -140,7 +140,7 @@ def test_2d2n_depends_on_the_direction_of_its_axis_and_omar_does_not():
         assert bool(np.abs(turned - S(XI, ETA)).max() < 1e-13) == symmetric
 
 
-def test_a_term_that_no_nodal_coordinate_of_li_sees_is_refused():
+def test_a_term_outside_the_nodal_coordinates_of_li_is_refused():
     li = ELEMENTS["li"]
     with_x2y2 = replace(li, basis=(*li.basis[:-1], "x^2*y^2"))
     with pytest.raises(UnsolvableBasisError, match="vanishes in every nodal coordinate"):
@@ -164,7 +164,7 @@ def test_gauss_points_are_exact_to_degree_2n_minus_1(n):
 
 
 @pytest.mark.parametrize("n", [2, 3, 4, 6, 9])
-def test_lobatto_points_hold_the_ends_and_are_exact_to_degree_2n_minus_3(n):
+def test_lobatto_points_include_the_ends_and_are_exact_to_degree_2n_minus_3(n):
     x, w = lobatto(n)
     assert (x[0], x[-1]) == (0.0, 1.0)
     np.testing.assert_allclose(x, 1 - x[::-1], atol=1e-15)

@@ -63,8 +63,8 @@ def test_geometric_matrix_is_the_second_derivative_along_the_stress(formulation,
 
 
 @pytest.mark.parametrize(("formulation", "geometry"), CASES)
-def test_first_order_strain_survives_beside_one(formulation, geometry):
-    """Written as (J^T J - I)/2 a strain of 1e-13 would keep three digits; formed from displacements it keeps all."""
+def test_small_strains_keep_their_digits(formulation, geometry):
+    """(J^T J - I)/2 would keep three digits of a strain of 1e-13; computed from displacements it keeps all."""
     law = law_of(formulation, geometry)
     u = 1e-13 * fields(law, 5)
     eps, _ = evaluate(formulation, law, 0, u)
@@ -79,22 +79,22 @@ def test_no_displacement_is_no_strain_exactly(formulation, geometry):
     assert not eps.any()
 
 
-def test_every_formulation_is_offered_by_some_type_and_refuses_with_a_reason():
+def test_every_formulation_has_an_element_type_and_refuses_others_with_a_reason():
     for f in FORMULATIONS.values():
         reasons = [f.refuse(t) for t in helpers.TYPES.values()]
         assert None in reasons
         assert all(r is None or len(r) > 20 for r in reasons)
 
 
-def test_structural_is_refused_where_a_coordinate_would_have_no_stiffness():
+def test_structural_is_refused_if_a_coordinate_would_have_no_stiffness():
     refused = {n for n, t in helpers.TYPES.items() if FORMULATIONS["structural"].refuse(t) is not None}
     assert {"2d2n", "2d3n", "2d2n-nu", "2d3n-nu", "patel", "ancf[1,2]", "ancf[2,2]", "ancf[3,3]"} <= refused
     assert not refused & {"omar", "kerkkanen", "vallejo", "li", "ancf[3,1]"}
 
 
 @pytest.mark.parametrize("formulation", ["enhanced", "strain_split"])
-def test_splits_are_refused_where_they_would_fail_in_plain_tension(formulation):
-    """Coupling on the axis only is the mean over the section as long as eps_yy is linear in y."""
+def test_splits_are_refused_if_they_would_fail_in_uniaxial_tension(formulation):
+    """Coupling on the axis only is the mean over the section if eps_yy is linear in y."""
     refused = {n for n, t in helpers.TYPES.items() if FORMULATIONS[formulation].refuse(t) is not None}
     assert {"ancf[3,3]", "ancf[8,5]", "2d2n", "2d3n", "cable", "reissner3"} <= refused
     assert not refused & {"omar", "kerkkanen", "vallejo", "li", "patel", "ancf[1,2]", "ancf[2,2]"}

@@ -1,4 +1,4 @@
-"""Laws of tendons: lengths to all digits, forces and stiffness as derivatives, energy over a step."""
+"""Laws of tendons: accurate lengths, forces and stiffness as derivatives, energy over a step."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from ancf2d.interactions.tendon_laws import ELASTIC, TENSION, piece, stretch_of
 
 @pytest.mark.parametrize("kind", [DIRECTION, THETA])
 @pytest.mark.parametrize("angle", [1e-6, 0.3, 2.0])
-def test_an_arm_that_turns_stretches_a_tendon_by_all_digits(kind: int, angle: float) -> None:
-    """From (1, 0) on by an arm (a, 0) that turns: sqrt(1 + 2 a cos + a^2) - (1 + a), as a product of halves."""
+def test_a_turning_arm_stretches_a_tendon_to_full_precision(kind: int, angle: float) -> None:
+    """From (1, 0) to an arm (a, 0) that turns: sqrt(1 + 2 a cos + a^2) - (1 + a), by half angles."""
     a, size = 0.3, 7
     p0, u = np.array([1.0, 0.0, 0.0, 0.0, a, 0.0, kind]), np.zeros(size)
     if kind == THETA:
@@ -27,9 +27,9 @@ def test_an_arm_that_turns_stretches_a_tendon_by_all_digits(kind: int, angle: fl
 
 
 @pytest.mark.parametrize(("start", "end"), [(0.3, 0.5), (-0.4, 0.5), (0.5, -0.4)], ids=["taut", "taken up", "let go"])
-def test_the_force_of_an_elastic_tendon_over_a_step_does_the_difference_of_energy_as_work(start: float, end: float
-                                                                                          ) -> None:
-    """Two pieces between points: f . (u1 - u0) = U1 - U0. Winding up loses nothing."""
+def test_the_work_of_an_elastic_tendon_over_a_step_is_the_difference_of_energy(start: float, end: float
+                                                                               ) -> None:
+    """Two spans between points: f . (u1 - u0) = U1 - U0. Winding up is lossless."""
     rng, size = np.random.default_rng(1), 12
     p0 = np.zeros(2 * size)
     p0[[0, 1, size, size + 1]] = 1.0, 0.5, -0.6, 0.8
@@ -57,7 +57,7 @@ def test_the_force_of_an_elastic_tendon_over_a_step_does_the_difference_of_energ
 @pytest.mark.parametrize("kinds", [(0, 0), (THETA, 0), (DIRECTION, THETA), (DIRECTION, DIRECTION), "u", "u, v"])
 @pytest.mark.parametrize("law", [TENSION, ELASTIC])
 def test_forces_and_stiffness_are_derivatives(law: PointLaw, kinds: tuple[int, int] | str) -> None:
-    """Of T l and of the energy, by central differences; fields that say what an arm is stand still."""
+    """Derivatives of T l and of the energy, by central differences; the fields that describe arms are fixed."""
     rng, size, pieces = np.random.default_rng(0), 12, 1 if law is TENSION else 3
     if isinstance(kinds, str):
         # along sections with an angle

@@ -1,4 +1,4 @@
-"""What tests of plugins share."""
+"""Shared by the tests of plugins."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ancf2d.extend import plugins
 
 @pytest.fixture
 def registries(monkeypatch):
-    """Let what plugins declare be gone after a test."""
+    """Remove the declarations of plugins after a test."""
     monkeypatch.setenv(plugins.VARIABLE, "")
     kept = [extend.FORMULATIONS, *(keys_of(Case)[k].kind.item.known for k in ("springs", "loads"))]
     copies = [dict(table) for table in kept]

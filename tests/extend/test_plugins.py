@@ -1,4 +1,4 @@
-"""Plugins: one file each, whose spring, load or formulation works wherever those of ancf2d do."""
+"""Plugins of one file each, whose springs, loads and formulations work wherever built-in ones do."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_the_page_on_plugins_shows_these_files() -> None:
 
 
 @pytest.mark.usefixtures("registries")
-def test_a_spring_of_ones_own_in_statics_modes_and_motion() -> None:
+def test_a_custom_spring_in_statics_modes_and_motion() -> None:
     add("hardening")
     load = [{"type": "force", "at": "rod@1", "value": [FORCE, 0]}]
     u = brentq(lambda x: force_of_spring(x) - FORCE, 0.0, 1.0, xtol=1e-15)
@@ -88,7 +88,7 @@ def test_a_spring_of_ones_own_in_statics_modes_and_motion() -> None:
 
 
 @pytest.mark.usefixtures("registries")
-def test_a_spring_of_ones_own_conserves_energy() -> None:
+def test_a_custom_spring_conserves_energy() -> None:
     add("hardening")
     moved = rod({"type": "dynamic", "t_end": 0.5, "dt": 0.01, "method": "energy_momentum", "estimate": False},
                 element="cable", springs=[spring()], initial={"velocity": [1.0, 0.0]})
@@ -96,7 +96,7 @@ def test_a_spring_of_ones_own_conserves_energy() -> None:
 
 
 @pytest.mark.usefixtures("registries")
-def test_a_load_of_ones_own_in_statics_modes_and_motion() -> None:
+def test_a_custom_load_in_statics_modes_and_motion() -> None:
     add("magnet")
     linear_spring = {"type": "translational", "between": [[-1, 0], "rod@0"], "stiffness": 800.0}
     u = brentq(lambda x: 800 * x - force_of_magnet(x), 0.0, 0.2, xtol=1e-15)
@@ -129,7 +129,7 @@ def add_point_load(kind: str, law: Callable[..., tuple[float, ...]], potential: 
 
 
 @pytest.mark.usefixtures("registries")
-def test_a_load_of_ones_own_may_have_a_key_of_tendons() -> None:
+def test_a_custom_load_may_have_a_key_of_tendons() -> None:
     add_point_load("well", lambda x, y, par: (-par[0] * x, 0.0, -par[0], 0.0, 0.0, 0.0), potential=True)
     loads = [{"type": "well", "at": "rod@0", "stiffness": 100.0, "amplitude": {"type": "constant"}},
              {"type": "force", "at": "rod@0", "value": [3.0, 0]}]
@@ -141,8 +141,8 @@ def test_a_load_of_ones_own_may_have_a_key_of_tendons() -> None:
 
 
 @pytest.mark.usefixtures("registries")
-def test_a_motion_begins_from_the_equilibrium_under_a_load_of_ones_own() -> None:
-    """At t = 0 the magnet pulls with half its strength: the motion begins where that is in balance."""
+def test_a_motion_starts_from_the_equilibrium_under_a_custom_load() -> None:
+    """At t = 0 the magnet pulls with half its strength: the motion starts in equilibrium with it."""
     add("magnet")
     linear_spring = {"type": "translational", "between": [[-1, 0], "rod@0"], "stiffness": 800.0}
     u = brentq(lambda x: 800 * x - 0.5 * force_of_magnet(x), 0.0, 0.2, xtol=1e-15)
@@ -153,8 +153,8 @@ def test_a_motion_begins_from_the_equilibrium_under_a_load_of_ones_own() -> None
 
 
 @pytest.mark.usefixtures("registries")
-def test_a_formulation_of_ones_own_in_statics_modes_and_motion() -> None:
-    """Statics of small displacements are linear statics of the continuum, at any load."""
+def test_a_custom_formulation_in_statics_modes_and_motion() -> None:
+    """With the strain of small displacements, statics are linear statics of the continuum at any load."""
     add("small_strain")
 
     def beam(solver, formulation):
@@ -227,7 +227,7 @@ solver: {type: static}
 
 
 @pytest.mark.usefixtures("registries")
-def test_the_command_line_takes_a_plugin(tmp_path) -> None:
+def test_the_command_line_loads_a_plugin(tmp_path) -> None:
     case, runner, plugin = tmp_path / "case.yaml", CliRunner(), str(HERE / "hardening.py")
     case.write_text(CASE % "cubic: 5e4")
     without = runner.invoke(app, ["validate", str(case)])
@@ -278,7 +278,7 @@ def test_a_plugin_that_fails_is_named_with_its_line(tmp_path) -> None:
     ("hardening", "k3 * u**4 / 4", "k3 * u**4 / 2", "returns N = -1.22032e+06 at (-2.9, 0), but energy changes there"),
     ("small_strain", "StrainLaw(4, 3", "StrainLaw(4, 2", "strain uses places that its arrays do not have (index 2 is")],
     ids=["returns", "arguments", "constants", "attribute", "index", "formulation", "tangent", "energy", "places"])
-def test_a_plugin_that_does_not_do_what_it_declares_is_named(tmp_path, name, old, new, words) -> None:
+def test_a_plugin_that_contradicts_its_declaration_is_named(tmp_path, name, old, new, words) -> None:
     case, path, text = tmp_path / "case.yaml", tmp_path / "wrong.py", (HERE / f"{name}.py").read_text()
     case.write_text(CASE % "cubic: 5e4")
     path.write_text(text.replace(old, new))
@@ -290,7 +290,7 @@ def test_a_plugin_that_does_not_do_what_it_declares_is_named(tmp_path, name, old
 
 @pytest.mark.usefixtures("registries")
 @pytest.mark.parametrize("kind", ["wrong", "kinked"])
-def test_derivatives_of_a_load_of_ones_own_are_checked_except_at_kinks(kind) -> None:
+def test_derivatives_of_a_custom_load_are_checked_except_at_kinks(kind) -> None:
     """A wall that pushes where x > 0.41, a point at which derivatives are checked, and turns over it."""
     def wall(x, y, par):
         over = max(x - 0.41, 0.0)
@@ -319,7 +319,7 @@ def test_a_plugin_that_cannot_be_compiled_is_named_with_its_line(tmp_path, wrong
 
 
 @pytest.mark.usefixtures("registries")
-def test_what_there_is_already_is_not_replaced() -> None:
+def test_built_in_names_cannot_be_replaced() -> None:
     def again():
         @extend.spring(lambda u, rate, par: (0.0, 0.0, 0.0, 0.0))
         @extend.record
@@ -342,7 +342,7 @@ def test_what_there_is_already_is_not_replaced() -> None:
 
 
 @pytest.mark.usefixtures("registries")
-def test_keys_that_loads_declare_by_are_refused() -> None:
+def test_reserved_keys_of_loads_are_refused() -> None:
     with pytest.raises(PluginError, match="OnLine: loads declare line to the model; rename the key"):
         @extend.load(lambda x, y, par: (0.0,) * 6, potential=True)
         @extend.record
@@ -361,7 +361,7 @@ def test_keys_that_loads_declare_by_are_refused() -> None:
 
 @pytest.mark.usefixtures("registries")
 def test_reuts_column() -> None:
-    """Reut 1939: a force on a fixed line on a plate at the tip; critical as Beck's (1952), whose adjoint it is."""
+    """Reut 1939: a force on a fixed line on a plate at the tip, the adjoint of Beck's column with its critical load."""
     add("fixed_line")
     column = {"geometry": {"type": "line", "start": [0, 0], "end": [0, 1]}, "element": h.element("cable", 16),
               "section": {"EA": 1e7, "kGA": 1e7, "EI": 1, "rhoA": 1, "rhoI": 1e-7}}

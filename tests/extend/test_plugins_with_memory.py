@@ -1,4 +1,4 @@
-"""A formulation of one's own that remembers what was accepted, in every solver that steps it."""
+"""A custom formulation with memory, in every solver that steps it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def rubbing(solver, **scene):
 
 
 def force_with_friction(strains):
-    """The force of the fibre along a way of strains, by its own small steps; the last one, and the heat."""
+    """Return the last force and the heat of the fibre along a strain history, by small steps."""
     slip, before, heat, N = 0.0, 0.0, 0.0, 0.0
     for target in strains:
         for x in np.linspace(before, target, 2001)[1:]:
@@ -40,8 +40,8 @@ def force_with_friction(strains):
 
 
 @pytest.mark.usefixtures("registries")
-def test_a_formulation_remembers_the_steps_that_statics_has_accepted() -> None:
-    """A force goes up, back beyond zero, and up again: a loop of straight lines."""
+def test_a_formulation_remembers_the_accepted_steps_of_statics() -> None:
+    """A force goes up, back below zero, and up again: a loop of straight lines."""
     add("friction")
     way = [2.4e-3, -0.9e-3, 1.3e-3]
     peaks = [force_with_friction(way[:k + 1])[0] for k in range(3)]
@@ -59,8 +59,8 @@ def test_a_formulation_remembers_the_steps_that_statics_has_accepted() -> None:
 
 
 @pytest.mark.usefixtures("registries")
-def test_derivatives_of_equilibria_are_those_of_the_way_to_them() -> None:
-    """On the way up the fibre slips: N = E ((1 - s) x + s l), dx/dN = 1/(E (1 - s)), not the 1/E of one that sticks."""
+def test_derivatives_of_equilibria_include_the_slip_on_the_way() -> None:
+    """On the way up the fibre slips: N = E ((1 - s) x + s l), dx/dN = 1/(E (1 - s)), not 1/E as in sticking."""
     add("friction")
     N = force_with_friction([3e-3])[0]
     case = rubbing({"type": "static"}, loads=[{"type": "force", "at": "rod@1", "value": [N, 0]}],
@@ -73,7 +73,7 @@ def test_derivatives_of_equilibria_are_those_of_the_way_to_them() -> None:
 
 
 @pytest.mark.usefixtures("registries")
-def test_a_formulation_remembers_the_points_that_a_path_has_accepted() -> None:
+def test_a_formulation_remembers_the_accepted_points_of_a_path() -> None:
     add("friction")
     for method in ("arc_length", "displacement"):
         until = {"probe": "end", "quantity": "ux", "reaches": 2e-3}
@@ -83,7 +83,7 @@ def test_a_formulation_remembers_the_points_that_a_path_has_accepted() -> None:
 
 
 def motion_with_friction(t_end, v):
-    """Displacement of a mass on the fibre, and the heat at ten times, by its own steps of the midpoint rule."""
+    """Return the displacement of a mass on the fibre, and the heat at ten times, by steps of the mid-point rule."""
     mass, x, slip, heat, n = 10.0, 0.0, 0.0, [0.0], 40000
     h = t_end / n
 
@@ -108,8 +108,8 @@ def motion_with_friction(t_end, v):
 @pytest.mark.slow_rows("radau5")
 @pytest.mark.usefixtures("registries")
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
-def test_a_formulation_remembers_the_steps_that_a_motion_has_accepted(monkeypatch, method) -> None:
-    """A mass on the fibre is braked by its friction, whose heat is told; a resumed motion is the same one."""
+def test_a_formulation_remembers_the_accepted_steps_of_a_motion(monkeypatch, method) -> None:
+    """Friction brakes a mass on the fibre, and its heat is reported; a resumed motion is the same."""
     add("friction")
     t_end, v = 0.05, 0.8
     scene = {"masses": [{"at": "rod@1", "mass": 10.0}], "initial": {"bodies": {"rod": {"velocity": [v, 0.0]}}}}

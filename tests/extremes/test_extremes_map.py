@@ -1,4 +1,4 @@
-"""The map itself: what makes a verdict, what is kept of it, and that the page has no wrong cell."""
+"""The map of extremes itself: verdicts, stored results, and no wrong cell on the page."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ def wait() -> cell.Found:
     (lambda: cell.Found(1e-4), "holds"), (lambda: cell.Found(1e-2), "wrong"), (lambda: cell.Found(math.nan), "wrong"),
     (lambda: cell.Found(1e-2, ["round-off limits it"]), "degrades"),
     (lambda: cell.Found(1e-2, ["redundant: a pin"]), "wrong"), (refuse, "refused"), (lambda: 1 / 0, "wrong")])
-def test_a_wrong_number_is_wrong_unless_it_was_told_of(compute, verdict: str) -> None:
+def test_a_wrong_number_is_wrong_unless_a_warning_announces_it(compute, verdict: str) -> None:
     assert made(compute).verdict == verdict
 
 
-def test_a_cell_that_takes_too_long_is_given_up() -> None:
+def test_a_cell_that_takes_too_long_is_abandoned() -> None:
     assert made(wait, seconds=0.1).verdict == "slow"
 
 
@@ -53,7 +53,7 @@ def test_verdicts_make_tables() -> None:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Give the cells of the map, where its page is asked for."""
+    """Generate the cells of the map if its page is requested."""
     if "every" in metafunc.fixturenames:
         cells = list(all_rows()) if metafunc.config.getoption("pages") else []
         metafunc.parametrize("every", cells, ids=lambda c: c.key)

@@ -1,4 +1,4 @@
-"""Linear statics at the floor of round-off, and sections that cannot contract: never returned unannounced."""
+"""Linear statics at the limit of round-off, and sections that cannot contract: no silent wrong answer."""
 
 from __future__ import annotations
 
@@ -12,41 +12,41 @@ from instruments.extremes import statics
 from instruments.extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever
 
 import ancf2d
-from ancf2d.solvers.refine import refined
+from ancf2d.solvers.iterative_refinement import refined
 from ancf2d.solvers.statics import linear_static
 
 
 def known(warnings: list[str]) -> float:
-    """Return how far a run says that its displacements are known."""
+    """Return the accuracy of displacements that a run states."""
     found = [float(m[1]) for w in warnings if (m := re.search(r"accurate to about ([\d.e+-]+) of", w))]
     return found[0] if found else 0.0
 
 
 @pytest.mark.parametrize("label", ["vallejo", "reissner3", "ancf[2,2]", "vallejo:structural"])
 @pytest.mark.parametrize("ratio", [1e3, 1e5, 1e6])
-def test_a_linear_solution_says_how_far_round_off_lets_it_be_known(label: str, ratio: float) -> None:
-    """EA L^2/EI = 12e12: soft bending is told from stiff shear by differences of displacements."""
+def test_a_linear_solution_states_its_accuracy_within_round_off(label: str, ratio: float) -> None:
+    """EA L^2/EI = 12e12: soft bending and stiff shear differ by small differences of displacements."""
     found = statics.linear_tip(label, statics.slender(ratio), 16)
     assert found.error < 4.0 * known(found.warnings) + 1e-4
     assert known(found.warnings) < 1e-9 * (ratio / 1e3) ** 2 * 1e3 + 1e-7
 
 
 @pytest.mark.parametrize("label", ["vallejo", "cable", "reissner3"])
-def test_an_ordinary_linear_solution_says_nothing(label: str) -> None:
+def test_an_ordinary_linear_solution_gives_no_warning(label: str) -> None:
     assert not statics.linear_tip(label, statics.slender(20), 100).warnings
 
 
 @pytest.mark.parametrize(("left", "said"), [(1e-3, True), (2e-6, True), (5e-7, False)])
-def test_what_refinement_leaves_is_told_from_a_millionth_on(monkeypatch: pytest.MonkeyPatch, left: float,
-                                                            said: bool) -> None:
+def test_the_residual_of_refinement_is_reported_from_a_millionth_on(monkeypatch: pytest.MonkeyPatch, left: float,
+                                                                    said: bool) -> None:
     monkeypatch.setattr(linear_static, "refined", lambda *arguments: (refined(*arguments)[0], left))
     warnings = statics.linear_tip("cable", statics.slender(20), 4).warnings
     assert known(warnings) == (left if said else 0.0)
 
 
 @pytest.mark.parametrize(("left", "refused"), [(0.4, False), (0.6, True)])
-def test_displacements_of_which_more_than_half_is_unknown_are_refused(monkeypatch: pytest.MonkeyPatch, left: float,
-                                                                      refused: bool) -> None:
+def test_displacements_with_errors_above_half_are_refused(monkeypatch: pytest.MonkeyPatch, left: float,
+                                                          refused: bool) -> None:
     monkeypatch.setattr(linear_static, "refined", lambda *arguments: (refined(*arguments)[0], left))
     failure = pytest.raises(ancf2d.ComputationError, match="no digit of the displacements is significant")
     with failure if refused else nullcontext():
@@ -70,7 +70,7 @@ output: {{probes: {{tip: b@1}}}}
 
 @pytest.mark.slow
 def test_ill_conditioned_stiffness_is_refused() -> None:
-    """What counts is how thin elements are beside their height: 30 000 of this height are solved still."""
+    """The aspect ratio of elements counts: 30 000 elements of this height can still be solved."""
     with pytest.raises(ancf2d.ComputationError, match="no digit of the displacements is significant"):
         ancf2d.solve(_thin_elements(90_000, height=0.5), states=False)
 
@@ -83,7 +83,7 @@ def test_a_stiffness_on_the_verge_gives_the_solution_or_is_refused() -> None:
         assert ancf2d.solve(_thin_elements(100_000), states=False).probes["tip"]["uy"] == pytest.approx(known, rel=2e-6)
 
 
-def test_conjugate_directions_find_what_wrong_factors_do_not() -> None:
+def test_conjugate_directions_converge_with_wrong_factors() -> None:
     """Three of fifty motions are a hundred times too soft in the factors: plain refinement would diverge."""
     rng = np.random.default_rng(1)
     Q = np.linalg.qr(rng.standard_normal((50, 50)))[0]
@@ -96,8 +96,8 @@ def test_conjugate_directions_find_what_wrong_factors_do_not() -> None:
     assert left < 1e-12
 
 
-def test_multipliers_keep_what_a_round_of_refinement_found() -> None:
-    """One motion that a multiplier holds: what is left of round-off in it makes conjugate directions go astray."""
+def test_multipliers_keep_the_result_of_a_round_of_refinement() -> None:
+    """A multiplier prevents one motion: round-off in it would mislead conjugate directions."""
     A, once = np.array([[0.5, -0.45], [-0.45, 0.0]]), [1e-15]
 
     def factors(r: np.ndarray) -> np.ndarray:
@@ -110,7 +110,7 @@ def test_multipliers_keep_what_a_round_of_refinement_found() -> None:
 
 @pytest.mark.parametrize("nu", [-0.9, pytest.param(0.3, marks=pytest.mark.slow), 0.499])
 @pytest.mark.parametrize("label", [s.label for s in SUBJECTS])
-def test_bending_is_right_for_every_poissons_ratio_or_said_to_be_too_stiff(label: str, nu: float) -> None:
+def test_bending_is_right_for_every_poissons_ratio_or_reported_too_stiff(label: str, nu: float) -> None:
     beam = Beam(nu=nu)
     found = statics.linear_tip(label, beam, 16)
     said = [float(m[1]) / 100 for w in found.warnings if (m := re.search(r"too stiff by ([\d.]+) %", w))]
@@ -121,7 +121,7 @@ def test_bending_is_right_for_every_poissons_ratio_or_said_to_be_too_stiff(label
         assert found.error < 0.02
 
 
-def test_a_weak_excess_is_left_to_the_documents() -> None:
+def test_a_small_excess_of_stiffness_gives_no_warning() -> None:
     case = cantilever(BY_LABEL["omar:continuum"], Beam(nu=0.1), 4, [])
     assert not ancf2d.solve(case, states=False).warnings
 
@@ -129,7 +129,7 @@ def test_a_weak_excess_is_left_to_the_documents() -> None:
 @pytest.mark.slow_rows("128-0.11-omar")
 @pytest.mark.parametrize("label", chosen(["omar", "patel"], ["omar"]))
 @pytest.mark.parametrize(("count", "error"), [(64, 0.58), (128, 0.11)])
-def test_elements_that_lock_where_they_bend_far_say_so(label: str, count: int, error: float) -> None:
+def test_elements_that_lock_in_large_bending_give_a_warning(label: str, count: int, error: float) -> None:
     """A load of 1000 times the buckling load bends the first elements by half a radian each, over many heights."""
     found = statics.pushed(label, 1e3, count)
     assert found.error == pytest.approx(error, rel=0.05)
@@ -138,7 +138,7 @@ def test_elements_that_lock_where_they_bend_far_say_so(label: str, count: int, e
 
 @pytest.mark.slow_rows("patel")
 @pytest.mark.parametrize("label", chosen(["omar", "patel", "li", "vallejo", "reissner3"], ["patel", "reissner3"]))
-def test_elements_that_follow_how_far_they_bend_say_nothing(label: str) -> None:
+def test_elements_that_can_bend_far_give_no_warning(label: str) -> None:
     found = statics.pushed(label, 1e3, 256)
     assert found.error < 0.02
     assert not found.warnings

@@ -1,4 +1,4 @@
-"""The same scene in other units gives the same numbers, and modes are found however slender a beam is."""
+"""The same scene in other units gives the same numbers, and modes are found at any slenderness."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_motions_do_not_depend_on_units(scene: str, units: str) -> None:
 
 @pytest.mark.parametrize("label", ["vallejo", "reissner3", "kerkkanen", "ancf[2,2]", "cable"])
 @pytest.mark.parametrize("ratio", [1e2, 1e6])
-def test_bending_of_a_very_slender_beam_is_no_motion_without_stiffness(label: str, ratio: float) -> None:
+def test_bending_of_a_very_slender_beam_is_not_a_rigid_motion(label: str, ratio: float) -> None:
     """Its eigenvalue is 1e-8 of the shift that keeps the factors of K positive, not 0."""
     assert modes.first_bending(label, slender(ratio), 16).error < 0.02
 
@@ -44,15 +44,15 @@ def test_a_free_beam_has_three_rigid_modes(label: str, ratio: float) -> None:
 
 @pytest.mark.parametrize("label", ["vallejo", "reissner2", "reissner3", "cable", "ancf[2,2]", "ancf[3,3]"])
 @pytest.mark.parametrize("ratio", [1e8, 1e9, 1e10, 1e11])
-def test_modes_that_round_off_hides_are_told(label: str, ratio: float) -> None:
-    """Assembled, the stiffness has no digit of bending left; through the strains it still has some."""
+def test_modes_hidden_by_round_off_are_reported(label: str, ratio: float) -> None:
+    """The assembled stiffness has no digit of bending left; computed from strains it still has some."""
     found = modes.free_modes(label, slender(ratio), 16)
     assert found.error < 0.01 or any("round-off" in text for text in found.warnings)
 
 
 @pytest.mark.parametrize("label", ["vallejo", "reissner3"])
 @pytest.mark.parametrize("ratio", [1e5, 1e7])
-def test_damped_pairs_that_round_off_hides_are_told(label: str, ratio: float) -> None:
+def test_damped_pairs_hidden_by_round_off_are_reported(label: str, ratio: float) -> None:
     found = modes.damped_bending(label, slender(ratio), 16)
     assert any("round-off" in text for text in found.warnings) == (ratio > 1e5)
     assert found.error < 0.01 or ratio > 1e5

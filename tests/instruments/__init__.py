@@ -1,1 +1,1 @@
-"""What tests of many random or extreme cases are made of: scenes, mutants, references, and judges of what comes out."""
+"""Tools for tests of many random or extreme cases: scenes, mutants, references, and verdicts."""

@@ -1,4 +1,4 @@
-"""Small scenes that once violated an invariance, as tests of random scenes wrote them, and ones that vary."""
+"""Small scenes that once violated an invariance, as written by tests of random scenes, and scenes that vary."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ def violations(name: str, *checks: str) -> dict[str, str]:
     return found
 
 
-def test_reactions_of_rigid_bars_balance_what_a_welded_beam_is_loaded_by() -> None:
+def test_reactions_of_rigid_bars_balance_the_loads_of_a_welded_beam() -> None:
     assert violations("rigid_frame", "forces and moments balance", *MOVED) == {}
 
 
-def test_a_moved_cable_does_not_depend_on_where_it_is() -> None:
+def test_a_moved_cable_does_not_depend_on_its_position() -> None:
     assert violations("moved_cable", "forces and moments balance", *MOVED) == {}
 
 
 @pytest.mark.slow_rows("in other units")
 @pytest.mark.parametrize("check", MOVED)
-def test_buckling_of_welded_unlike_bodies_does_not_depend_on_how_they_stand(check: str) -> None:
+def test_buckling_of_welded_unlike_bodies_does_not_depend_on_orientation(check: str) -> None:
     assert violations("unlike_column", check) == {}
 
 
@@ -50,11 +50,11 @@ def test_reactions_of_a_single_rigid_bar_balance_its_loads(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["tapered_frame", pytest.param("tapered_modes", marks=pytest.mark.slow)])
 @pytest.mark.slow
-def test_bodies_that_vary_are_the_same_elsewhere_and_in_other_words(name: str) -> None:
+def test_varying_bodies_are_invariant(name: str) -> None:
     assert violations(name, *MOVED, "a body reversed", "a body split and welded") == {}
 
 
 @pytest.mark.slow
-def test_what_no_load_reaches_stands_still() -> None:
+def test_unloaded_bodies_stand_still() -> None:
     assert violations("still_beam", "forces and moments balance", *MOVED) == {}
     assert violations("unstressed_beam", *MOVED) == {}

@@ -1,4 +1,4 @@
-"""Random scenes that must not change in other words and elsewhere: a few, or as many as --trials says."""
+"""Random scenes under transformations that must not change the result: a few, or as many as --trials says."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_scene_does_not_change(solver: str, number: int) -> None:
 
 
 def tried(number: int, config: pytest.Config, folder: Path, laws: bool) -> campaign.Record:
-    """Examine a scene; of the first violation, write the smallest case that shows it."""
+    """Examine a scene; for the first violation, write the smallest case that shows it."""
     seed = config.getoption("seed")
     many = (config.getoption("trials") or 0) >= MANY
     record = campaign.examine(seed, number, drawn=campaign.DRAWN if many else 99, laws=laws)

@@ -1,4 +1,4 @@
-"""The generator of random scenes itself, and what transforms and shrinks them."""
+"""The generator of random scenes, their transformations and their reduction."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ def test_every_kind_of_support_joint_spring_and_load_is_made(key: str) -> None:
     assert {item["type"] for item in items(key)} == set(keys_of(schema.Case)[key].kind.item.options)
 
 
-def test_one_sided_springs_and_stops_are_made_where_solvers_are_nonlinear() -> None:
+def test_one_sided_springs_and_stops_are_made_for_nonlinear_solvers() -> None:
     one_sided = [case["solver"]["type"] for case in many() for s in case.get("springs", ()) if {"only", "gap"} & set(s)]
     assert set(one_sided) == {"static", "dynamic"}
 
 
 def test_loads_and_springs_begin_and_end_in_motions() -> None:
-    """In other units of time their times are others, too."""
+    """In other units of time their times change, too."""
     for key in ("loads", "springs"):
         switched = [(case, k) for case in many() for k, x in enumerate(case.get(key, ())) if "active" in x]
         assert {case["solver"]["type"] for case, _ in switched} == {"dynamic"}
@@ -82,7 +82,7 @@ def test_every_amplitude_is_made() -> None:
 NOT_DRAWN = {"frequency_response", "state_space", "quasi_static"}
 
 
-def test_every_solver_and_integrator_is_asked_for() -> None:
+def test_every_solver_and_integrator_occurs() -> None:
     solvers = [case["solver"] for case in many()]
     assert {s["type"] for s in solvers} == tags(schema.Solver) - NOT_DRAWN
     assert {s.get("method", "radau5") for s in solvers if s["type"] == "dynamic"} == set(INTEGRATORS)
@@ -102,8 +102,8 @@ def test_bodies_vary_along_and_close_and_tendons_are_elastic() -> None:
 
 
 @pytest.mark.slow
-def test_scenes_are_valid_or_refused_for_what_they_ask() -> None:
-    """What is refused without solving: mechanisms, supports that contradict each other, an unfit integrator."""
+def test_scenes_are_valid_or_refused_with_an_expected_reason() -> None:
+    """Refusals without solving: mechanisms, contradictory supports, an unfit integrator."""
     refused = []
     for case in many()[:75]:
         try:
@@ -120,7 +120,7 @@ def test_scenes_are_valid_or_refused_for_what_they_ask() -> None:
 
 @pytest.mark.parametrize("to", [Similarity(angle=0.7), Similarity(mirrored=True), Similarity(shift=(3.0, -2.0)),
                                 Similarity(length=1e3, force=1e-2, time=60.0)], ids=lambda s: f"{s}")
-def test_what_moves_a_scene_moves_its_points(to: Similarity) -> None:
+def test_a_transformation_moves_the_points_of_a_scene(to: Similarity) -> None:
     for case in many()[:50]:
         moved = to.case(case)
         for name, body in case["bodies"].items():
@@ -130,7 +130,7 @@ def test_what_moves_a_scene_moves_its_points(to: Similarity) -> None:
                 assert there == pytest.approx(here, rel=1e-9, abs=1e-9 * to.length * shapes.extent(case))
 
 
-def test_a_transformation_and_its_inverse_leave_a_scene_as_it_was() -> None:
+def test_a_transformation_and_its_inverse_restore_a_scene() -> None:
     there, back = Similarity(angle=0.5 * math.pi), Similarity(angle=-0.5 * math.pi)
     for case in many()[:50]:
         assert numbers(back.case(there.case(case))) == pytest.approx(numbers(case), rel=1e-12, abs=1e-12)
@@ -146,8 +146,8 @@ def numbers(case: Any) -> list[float]:
     return [float(case)] if isinstance(case, float) else []
 
 
-def test_types_that_reversal_changes_are_those_with_a_common_coefficient_at_one_end() -> None:
-    """x^2 + y^2 and x^3 alone: (1 - x)^3 has a term x^2 that has no y^2 beside it."""
+def test_only_types_with_a_common_coefficient_at_one_end_change_under_reversal() -> None:
+    """x^2 + y^2 and x^3 alone: (1 - x)^3 has a term x^2 without the y^2."""
     assert {name for name, kind in ELEMENTS.items() if not rearrange.symmetric_under_reversal(kind)} == {
         "2d2n", "2d2n-nu"}
     assert rearrange.symmetric_under_reversal(type_of({"type": "ancf", "order": [3, 2]}))
@@ -184,7 +184,7 @@ BAR = {"bodies": {"a": {"geometry": {"type": "line", "start": [0.0, 0.0], "end":
        "solver": {"type": "linear_static"}, "output": {"probes": {"tip": "a@1"}}}
 
 
-def test_a_part_in_a_million_is_a_violation() -> None:
+def test_a_deviation_of_a_millionth_is_a_violation() -> None:
     item = checks.Scene(BAR)
     assert not checks.agree(item, item.base).violated
     wrong = checks.answer({**item.case, "loads": [{**BAR["loads"][0], "value": [1.0, -2.000002]}, BAR["loads"][1]]})
@@ -193,14 +193,14 @@ def test_a_part_in_a_million_is_a_violation() -> None:
     assert checks.agree(item, dataclasses.replace(item.base, refusal="no")).violated
 
 
-def test_a_reaction_that_is_lost_is_out_of_balance() -> None:
+def test_a_missing_reaction_violates_the_balance() -> None:
     item = checks.Scene(BAR)
     assert not checks.balanced(item).violated
     item.base.summary["reactions"]["wall"]["m"] *= 1.0 + 1e-6
     assert checks.balanced(item).violated
 
 
-def test_what_violates_is_made_small() -> None:
+def test_a_violating_case_is_reduced() -> None:
     case = next(c for c in many() if len(c["bodies"]) == 4 and any(x["type"] == "moment" for x in c.get("loads", ())))
 
     def violates(smaller: dict[str, Any]) -> bool:
@@ -222,7 +222,7 @@ def test_outcomes_of_scenes_are_counted() -> None:
 
 
 def test_condition_of_a_scaled_matrix() -> None:
-    """Units of single coordinates do not count: diag(1, 1e6) K diag(1, 1e6) is scaled back."""
+    """Units of single coordinates have no effect: diag(1, 1e6) K diag(1, 1e6) is scaled back."""
     from instruments.scenes.roundoff import condition
 
     K = np.array([[2.0, 1.0], [1.0, 2.0]])

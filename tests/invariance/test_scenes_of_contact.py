@@ -1,4 +1,4 @@
-"""Random rods among obstacles: nothing penetrates or is passed through, no energy comes from nothing; beams at rest."""
+"""Random rods among obstacles: no penetration, no passage, no energy gain; beams in equilibrium."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from instruments.scenes import touching
     pytest.param(191, marks=pytest.mark.slow),
     # points whose friction presses one another on as fast as it grows
     pytest.param(379, marks=pytest.mark.slow)])
-def test_nothing_penetrates_and_no_energy_comes_from_nothing(number: int, pytestconfig: pytest.Config,
-                                                             measured: Callable[..., None]) -> None:
+def test_rods_do_not_penetrate_and_gain_no_energy(number: int, pytestconfig: pytest.Config,
+                                                  measured: Callable[..., None]) -> None:
     found = touching.judged(pytestconfig.getoption("seed"), number)
     measured("", "touching", asdict(found), "instruments.scenes.touching:report")
     assert found.faults == []
@@ -35,8 +35,8 @@ def test_nothing_penetrates_and_no_energy_comes_from_nothing(number: int, pytest
     # the place of lift-off goes to and fro between places at which other points open and close
     659,
     *(pytest.param(k, marks=pytest.mark.slow) for k in range(20))])
-def test_a_beam_that_is_pressed_onto_obstacles_has_an_equilibrium_out_of_them(number: int,
-                                                                              pytestconfig: pytest.Config) -> None:
+def test_a_beam_pressed_onto_obstacles_has_an_equilibrium_outside_them(number: int,
+                                                                       pytestconfig: pytest.Config) -> None:
     assert touching.pressed(pytestconfig.getoption("seed"), number) == []
 
 
@@ -45,19 +45,19 @@ def test_a_beam_that_is_pressed_onto_obstacles_has_an_equilibrium_out_of_them(nu
     (77, 12), (77, 67),
     # a place slides beyond its interval within Newton's method
     (1, 448), *(pytest.param(77, k, marks=pytest.mark.slow) for k in range(20))])
-def test_a_path_leads_through_all_that_a_beam_meets(seed: int, number: int) -> None:
+def test_a_path_passes_all_obstacles_of_a_beam(seed: int, number: int) -> None:
     assert touching.pressed(seed, number, method="arc_length", until={"load_factor": 1}) == []
 
 
 @pytest.mark.parametrize("number", [19, *(pytest.param(k, marks=pytest.mark.slow) for k in (4, 10))])
-def test_a_beam_that_is_pressed_onto_stiff_layers_has_an_equilibrium(number: int) -> None:
-    """A full increment of Newton's method leads from within a layer out of it, and the next one back."""
+def test_a_beam_pressed_onto_stiff_layers_has_an_equilibrium(number: int) -> None:
+    """A full increment of Newton's method leads from inside a layer out of it, and the next one back."""
     assert touching.pressed(5, number, stiffness=1e7) == []
 
 
 @pytest.mark.slow
 def test_a_rod_that_a_layer_throws_back_gains_no_energy() -> None:
-    """The loss of a layer is measured at rates at which it presses: at others it may have released."""
+    """The loss of a layer is measured at rates of approach: at others it may already have released."""
     assert touching.judged(5, 89).faults == []
 
 
@@ -71,7 +71,7 @@ def test_distances_are_those_of_plane_geometry() -> None:
                                [-0.75, 1.0, -2.0, -0.5])
 
 
-def test_a_way_that_leads_through_an_obstacle_is_seen() -> None:
+def test_a_passage_through_an_obstacle_is_detected() -> None:
     disc = {"type": "circle", "center": [0, 0], "radius": 0.1}
     X = np.array([[[-1.0, 0.0]], [[1.0, 0.0]]])
     one, parts = np.array([True]), np.array([False])

@@ -1,4 +1,4 @@
-"""Signals in compiled code are the amplitudes of the case, with exact derivatives by time."""
+"""Signals in compiled code are the amplitudes of the case, with exact time derivatives."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ CORNERS = (-0.5, 0.0, 0.25, 1.0, 1.5, 4.0, 5.0)
 
 
 def programs(signals: list[Signal]) -> Record:
-    """Return programs as kernels of motion have them."""
+    """Return programs in the form for kernels of motion."""
     return Record(programs_of((s.amplitude, s.factor, s.offset) for s in signals))
 
 
@@ -91,7 +91,7 @@ def test_smooth_motion_has_second_derivatives_up_to_its_ends() -> None:
     ("(1/t)^0", 0, (None, None, None)), ("5 if t >= 0 else 1/t", 0, (5, 0, 0)), ("5 if t > 0 else 1/t", 0, (None,) * 3),
     ("abs(t)", 0, (0, 1, 0)), ("abs(-3*t)", 0, (0, 3, 0)), ("abs(-t^2)", 0, (0, 0, 2)), ("t^(t^2)", 1, (1, 1, 4)),
 ])
-def test_where_there_is_no_value_or_derivative_there_is_none(
+def test_missing_values_and_derivatives_are_nan(
         text: str, t: float, jet: tuple[float | None, ...]) -> None:
     signal = Signal(Expression(value_=text))
     want = [math.nan if v is None else v for v in jet]
@@ -107,14 +107,14 @@ def test_where_there_is_no_value_or_derivative_there_is_none(
     (Table(t=(0.0, 2e-170), value_=(0.0, 1e-170), smooth=True), 1e-170, 0.5e-170, 0.75),
     (Table(t=(0.0, 1e-300, 3e-300), value_=(0.0, 1e100, 2e100), smooth=True), 2e-300, math.nan, math.nan),
 ], ids=["sine", "whole part", "slope of a power", "curvature of a power", "short table", "steep table"])
-def test_numbers_at_the_ends_of_their_range_are_the_same_in_compiled_code(
+def test_numbers_at_the_limits_of_floating_point_are_the_same_in_compiled_code(
         amplitude: Amplitude, t: float, value: float, rate: float) -> None:
     signal = Signal(amplitude)
     assert expected(signal, t) == pytest.approx((value, rate), rel=1e-12, nan_ok=True)
     assert tuple(compiled([signal], t)[0, :2]) == pytest.approx((value, rate), rel=1e-12, nan_ok=True)
 
 
-def test_a_value_that_does_not_exist_leaves_the_other_signals_alone() -> None:
+def test_a_missing_value_does_not_affect_other_signals() -> None:
     signals = [Signal(Expression(value_="1 + (2 if 1/t > 2 else 3)")), Signal(Sine(frequency=1.0)), Signal()]
     table = programs(signals)
     out = np.zeros((3, 3))
@@ -125,7 +125,7 @@ def test_a_value_that_does_not_exist_leaves_the_other_signals_alone() -> None:
         np.testing.assert_array_equal(out[2], (1, 0, 0))
 
 
-def test_without_signals_there_is_nothing_to_evaluate() -> None:
+def test_no_signals_are_evaluated_without_error() -> None:
     assert compiled([], 0.5).shape == (0, 3)
 
 
@@ -138,7 +138,7 @@ FORMULAS = st.recursive(OPERANDS, lambda inner: st.one_of(
 
 
 def test_roots_of_the_smallest_numbers_have_a_rate() -> None:
-    """The product of such a number and its root is zero, by which neither may divide."""
+    """The product of such a number and its root is zero, so neither may divide by it."""
     t = 2.2250738585e-313
     signal = Signal(Expression(value_="sqrt(t)"))
     value, rate = expected(signal, t)
@@ -149,7 +149,7 @@ def test_roots_of_the_smallest_numbers_have_a_rate() -> None:
 @settings(max_examples=150, deadline=None)
 @given(FORMULAS, st.floats(-2, 3))
 def test_any_formula_is_the_same_in_compiled_code(text: str, t: float) -> None:
-    """As long as its value is far from the largest numbers, where the two give up at different intermediate results."""
+    """If its value is far from the largest numbers, where intermediate results may overflow in one of them."""
     signal = Signal(Expression(value_=text))
     value, rate = expected(signal, t)
     found = compiled([signal], t)[0]
@@ -162,7 +162,7 @@ def test_any_formula_is_the_same_in_compiled_code(text: str, t: float) -> None:
 
 
 @pytest.mark.parametrize("t", INSIDE + CORNERS)
-def test_the_machine_gives_the_same_when_it_is_not_compiled(t: float) -> None:
+def test_the_machine_gives_the_same_without_compilation(t: float) -> None:
     signals = [Signal(a) for a in AMPLITUDES]
     table, out = programs(signals), np.zeros((len(signals), 3))
     for k in range(len(signals)):
@@ -170,8 +170,8 @@ def test_the_machine_gives_the_same_when_it_is_not_compiled(t: float) -> None:
     np.testing.assert_allclose(out, compiled(signals, t), rtol=1e-13, atol=1e-13)
 
 
-def test_constants_need_no_more_than_their_numbers() -> None:
-    """Scaled and moved numbers are constant, and the same by either kernel; what depends on the time is not."""
+def test_constants_need_only_their_numbers() -> None:
+    """Scaled and shifted numbers are constant, and the same in both kernels; time-dependent signals are not."""
     signals = [Signal(None), Signal(None, -2.0, 0.5), Signal(Constant(scale=-3.0), 4.0, 1.0)]
     found = np.full((3, 3), np.nan)
     assert are_constant(programs(signals).values)

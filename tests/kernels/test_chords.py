@@ -1,4 +1,4 @@
-"""Bounds of curves by their chords, and the search for the element opposite to a point, compared with samples."""
+"""Bounds of curves from their chords, and the search for the element opposite to a point, compared with samples."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from ancf2d.elements import contact_geometry as geometry
 from ancf2d.interactions.body_contact import facing_table
 from ancf2d.kernels.facing import EVERY, IN_RANGE, face
 from ancf2d.kernels.lowlevel.records import Record
-from ancf2d.model.interactions import point_table
+from ancf2d.model.point_tables import point_table
 from tests import helpers
 
 Z = np.linspace(-1.0, 1.0, 41)
@@ -37,7 +37,7 @@ class Scene:
         return np.array([gaps.trace_at(self.table.curve[c], fields, np.zeros(len(fields)), z) for z in Z])
 
     def distances(self, table: Record) -> np.ndarray:
-        """Return the distance of each point from the place that it faces among the curves of a table, inf if none."""
+        """Return the distance of each point from the opposite place on the curves of a table, inf if none."""
         points, out = self.points, np.full(len(self.points.mem), np.inf)
         face(table, points, self.d, np.inf, EVERY)
         for i, (fields, _coords) in zip(table.item, table.own, strict=True):
@@ -59,7 +59,7 @@ def scene(request):
     return Scene(*request.param)
 
 
-def test_position_and_derivatives_along_a_curve_are_those_from_derivatives_by_its_fields(scene) -> None:
+def test_positions_along_a_curve_agree_with_derivatives_by_its_fields(scene) -> None:
     for c in range(len(scene.table.curve)):
         fields, work, across = scene.table.now[scene.table.at[c, 2]:], *np.zeros((2, geometry.WORK))
         for z, found in zip(Z[::10], scene.samples(c)[::10], strict=True):
@@ -69,14 +69,14 @@ def test_position_and_derivatives_along_a_curve_are_those_from_derivatives_by_it
                                        atol=1e-12)
 
 
-def test_no_point_of_a_curve_is_further_from_its_chord_than_the_bound(scene) -> None:
+def test_the_bound_holds_for_every_point_of_a_curve(scene) -> None:
     for c, (x, y, dx, dy, off) in enumerate(scene.table.chords):
         r = scene.samples(c)[:, :2]
         assert (np.hypot(*(r - np.outer(Z, [dx, dy]) - [x, y]).T) <= off).all()
 
 
 def test_normals_of_a_curve_differ_from_that_of_its_chord_by_less_than_assumed(scene) -> None:
-    """The search leaves out curves whose chord is turned away by more than three times the bound."""
+    """The search skips curves whose chord is turned away by more than three times the bound."""
     for c, (_, _, dx, dy, off) in enumerate(scene.table.chords):
         size, tangents = np.hypot(dx, dy), scene.samples(c)[:, 2:4]
         units = tangents / np.hypot(*tangents.T)[:, None]
@@ -84,8 +84,8 @@ def test_normals_of_a_curve_differ_from_that_of_its_chord_by_less_than_assumed(s
         assert 2.0 * off >= size or (differs <= 3.0 * off / size).all()
 
 
-def test_a_search_among_all_curves_finds_the_nearest_of_those_found_on_each_alone(scene) -> None:
-    """Also within the range of forces, beyond which points face nothing."""
+def test_a_search_among_all_curves_finds_the_nearest_of_the_single_searches(scene) -> None:
+    """Also within the range of forces, beyond which points are opposite to nothing."""
     points, table = scene.points, scene.table
     among_all, foot = scene.distances(table), points.mem[:, [gaps.FOOT, gaps.FOOT_KIND]].copy()
     alone, whole = np.full(len(points.mem), np.inf), table.values

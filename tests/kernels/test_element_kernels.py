@@ -1,4 +1,4 @@
-"""Element forces and tangents: gradient of the energy, objectivity, digits of small strain, zero-energy modes."""
+"""Element forces and tangents: gradient of the energy, objectivity, small strains, zero-energy modes."""
 
 import math
 
@@ -98,7 +98,7 @@ def test_reference_arcs_are_free_of_stress(name):
 
 @helpers.every_variant
 def test_a_uniaxial_strain_of_1e_12_keeps_its_digits(name, formulation):
-    """EA eps^2 L/2 of a stiff beam: from (J^T J - I)/2 with eps = 1e-12 only four digits would be right."""
+    """EA eps^2 L/2 of a stiff beam: (J^T J - I)/2 with eps = 1e-12 would have only four correct digits."""
     strain, E, h, b, L = 1e-12, 2.07e11, 0.1, 0.2, 2.0
     model = model_of(
         name,
@@ -119,7 +119,7 @@ def test_a_uniaxial_strain_of_1e_12_keeps_its_digits(name, formulation):
 
 
 def zero_modes(name: str, formulation: str | None, geometry: str, **more) -> int:
-    """Count the modes of a free body of three elements that have no energy, beyond the rigid three."""
+    """Count the zero-energy modes of a free body of three elements, beyond the three rigid ones."""
     model = model_of(name, formulation, geometry, 3, **more)
     K = helpers.dense_tangent(model, np.zeros(model.n_q))
     scale = 1 / np.sqrt(np.diag(K))
@@ -128,7 +128,7 @@ def zero_modes(name: str, formulation: str | None, geometry: str, **more) -> int
 
 
 def element_zero_modes(name: str, formulation: str, quadrature, **more) -> int:
-    """Count the zero-energy modes of one free element, beyond the rigid three; ``quadrature`` None is the default."""
+    """Count the zero-energy modes of one free element, beyond the three rigid ones; ``quadrature`` None: default."""
     more.update({} if quadrature is None else {"quadrature": quadrature})
     model = model_of(name, formulation, "line", 1, **more)
     K = helpers.dense_tangent(model, np.zeros(model.n_q))
@@ -144,22 +144,22 @@ def test_the_default_rule_leaves_only_rigid_motions_without_energy(name, formula
 
 
 @helpers.every_variant
-def test_the_default_rule_sees_every_motion_of_an_element_whatever_poissons_ratio(name, formulation):
-    """Coefficients of the basis can depend on nu, so that its default rule must see the motions of each."""
+def test_the_default_rule_has_no_hidden_modes_for_any_poissons_ratio(name, formulation):
+    """Coefficients of the basis can depend on nu; the default rule must suit all of them."""
     for nu in (-0.5, 0.0, 1e-3, 0.3, 0.45):
         found = element_zero_modes(name, formulation, None, material={"E": 5.0, "nu": nu, "rho": 1.3})
         assert found == 0, nu
 
 
-def test_linear_elements_take_two_points_along_where_their_sections_bend():
-    """With straight sections one point sees every motion; where y^2 is in the basis, one would hide some."""
+def test_linear_elements_with_bending_sections_have_two_points_along():
+    """With straight sections one point has no hidden modes; with y^2 in the basis, one point would have some."""
     assert element_zero_modes("ancf[1,1]", "continuum", None) == 0
     assert element_zero_modes("ancf[1,2]", "continuum", None) == 0
     assert element_zero_modes("ancf[1,2]", "continuum", [1, 3]) > 0
 
 
 @pytest.mark.parametrize(("name", "hidden"), [("omar", 2), ("patel", 2), ("li", 3), ("vallejo", 0), ("2d3n", 0)])
-def test_two_by_two_points_hide_as_many_modes_as_the_mathematics_says(name, hidden):
+def test_two_by_two_points_have_the_predicted_number_of_hidden_modes(name, hidden):
     assert element_zero_modes(name, "continuum", [2, 2]) == hidden
 
 
@@ -193,8 +193,8 @@ def test_station_values_give_the_energy():
 
 
 @EVERY
-def test_tangents_leave_translations_free_to_the_last_bit(name, formulation, geometry):
-    """What nodes' positions make of each other sums up to zero: a million elements would sum up what round-off left."""
+def test_tangents_of_translations_vanish_to_the_last_bit(name, formulation, geometry):
+    """The entries of nodes' positions sum to zero: otherwise a million elements would add up round-off."""
     model = model_of(name, formulation, geometry, 3)
     group, d = model.groups[0], helpers.random_state(model, SIZE)[: model.n_q]
     ne, n = group.dofs.shape
@@ -210,8 +210,8 @@ def test_tangents_leave_translations_free_to_the_last_bit(name, formulation, geo
 
 
 @helpers.every_variant
-def test_what_round_off_can_leave_turns_with_the_body(name, formulation):
-    """A beam along y in the state of one along x: the same sizes, of y where they were of x."""
+def test_the_round_off_bound_turns_with_the_body(name, formulation):
+    """A beam along y in the state of one along x: the same bounds, with y and x exchanged."""
     noises = []
     for turned in (False, True):
         model = model_of(name, formulation, {"type": "line", "start": [0, 0], "end": [0, 1.5] if turned else [1.5, 0]})

@@ -1,4 +1,4 @@
-"""Fronts against dense algebra on random frames: solutions, inertia, what is singular; how fill grows."""
+"""Fronts compared with dense algebra on random frames: solutions, inertia, singular unknowns; growth of fill."""
 
 from itertools import pairwise
 from types import SimpleNamespace
@@ -19,7 +19,7 @@ none = np.zeros(0, dtype=np.int64)
 
 
 def frame(rng, members: int, length: int, size: int, loops: int) -> tuple[int, list[np.ndarray]]:
-    """Return the unknowns of members in a random tree with some loops, and which meet in each of their elements.
+    """Return the unknowns of members in a random tree with some loops, and the unknowns of each element.
 
     Members have so many elements between nodes of so many unknowns each.
     """
@@ -35,7 +35,7 @@ def frame(rng, members: int, length: int, size: int, loops: int) -> tuple[int, l
 
 
 def filled(rng, n: int, sets, definite: bool, kind=float):
-    """Return fronts with random elements, their matrix (n, n) and the order of unknowns in it."""
+    """Return fronts with random elements, their matrix (n, n) and the order of its unknowns."""
     fronts, position = make_fronts(least_degree(n, sets), sets)
     target = Nested(np.zeros(fronts.at[-1], dtype=kind), fronts)
     A = np.zeros((n, n), dtype=kind)
@@ -95,7 +95,7 @@ def test_fronts_of_complex_symmetric_matrices_solve(members, length, size, loops
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_an_unknown_without_stiffness_is_told(seed):
+def test_an_unknown_without_stiffness_is_named(seed):
     rng = np.random.default_rng(seed)
     n, sets = frame(rng, 5, 6, 3, 2)
     fronts, target, _, _ = filled(rng, n, sets, True)
@@ -128,8 +128,8 @@ def test_positions_are_an_elimination_order_with_children_before_parents(members
             np.testing.assert_array_equal(whole[fronts.into[fronts.start[q]:fronts.start[q + 1]]], rows)
 
 
-def test_fronts_of_a_tree_grow_with_its_size_alone():
-    """Without loops no front reaches further than a node: twice the members, twice the numbers."""
+def test_fronts_of_a_tree_grow_linearly():
+    """Without loops no front extends beyond a node: twice the members, twice the numbers."""
     sizes = {}
     for members in (20, 40, 80):
         n, sets = frame(np.random.default_rng(7), members, 20, 3, 0)

@@ -1,4 +1,4 @@
-"""Compiled kernels between processes: read without the compiler's libraries, whatever has become of their files."""
+"""Compiled kernels shared by processes: read without the compiler's libraries, robust to damaged files."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ COMPILING = ("scipy.linalg", "numba.np.npyimpl", "numba.typed.listobject")
 
 @pytest.fixture
 def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """A module with one kernel, and a cache of its own."""
+    """A module with one kernel and its own cache."""
     (tmp_path / "one_kernel.py").write_text(SOURCE)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr("ancf2d.kernels.lowlevel.jit.CACHE", tmp_path / "cache")
@@ -48,7 +48,7 @@ def anew(module: ModuleType) -> Any:
 
 
 def hits_and_misses(compiled: Any) -> tuple[int, int]:
-    """How often a kernel was read from the cache, and compiled."""
+    """Number of reads of a kernel from the cache, and of compilations."""
     assert compiled(3, 2.0).tolist() == [[0.0, 2.0]] * 3
     return sum(compiled.stats.cache_hits.values()), sum(compiled.stats.cache_misses.values())
 
@@ -71,7 +71,7 @@ def test_a_damaged_file_is_compiled_and_written_anew(module: ModuleType, tmp_pat
 
 
 @pytest.mark.skipif(os.name != "posix", reason="modes of files")
-def test_a_kernel_that_others_could_have_written_is_not_run(module: ModuleType, tmp_path: Path) -> None:
+def test_a_kernel_writable_by_others_is_not_run(module: ModuleType, tmp_path: Path) -> None:
     assert hits_and_misses(module.filled) == (0, 1)
     files = [p for p in (tmp_path / "cache").rglob("*") if p.is_file()]
     assert {p.stat().st_mode & 0o777 for p in files} == {0o600}
@@ -82,7 +82,7 @@ def test_a_kernel_that_others_could_have_written_is_not_run(module: ModuleType, 
 
 
 def in_a_process(folder: Path, **environment: str) -> list[str]:
-    """Call the kernel in a process of its own; return what it has imported to do so."""
+    """Call the kernel in its own process; return the imports of the call."""
     code = f"""
 import sys
 from one_kernel import filled
@@ -96,7 +96,7 @@ print(*(m for m in {COMPILING!r} if m in sys.modules))
 
 
 @pytest.mark.slow
-def test_a_kernel_from_the_cache_needs_nothing_that_compiling_needs(tmp_path: Path) -> None:
+def test_a_cached_kernel_does_not_import_the_compiler(tmp_path: Path) -> None:
     (tmp_path / "one_kernel.py").write_text(SOURCE)
     chosen = str(tmp_path / "cache")
     assert in_a_process(tmp_path, NUMBA_CACHE_DIR=chosen) == list(COMPILING)
@@ -104,7 +104,7 @@ def test_a_kernel_from_the_cache_needs_nothing_that_compiling_needs(tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_where_nothing_can_be_kept_every_process_compiles(tmp_path: Path) -> None:
+def test_without_a_writable_cache_every_process_compiles(tmp_path: Path) -> None:
     (tmp_path / "one_kernel.py").write_text(SOURCE)
     # numba would keep kernels beside the sources, whose other files may change
     nowhere = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": str(tmp_path / "one_kernel.py")}
@@ -114,7 +114,7 @@ def test_where_nothing_can_be_kept_every_process_compiles(tmp_path: Path) -> Non
 
 @pytest.fixture
 def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Sources in a folder of their own, and a home that is empty."""
+    """Sources in their own folder, and an empty home."""
     for room in ("kernels", "elements"):
         (tmp_path / "sources" / room).mkdir(parents=True)
         (tmp_path / "sources" / room / "a.py").write_text("x = 1\n")
@@ -129,8 +129,8 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize(("variable", "below"), [("HOME", ".cache"), ("XDG_CACHE_HOME", ""), ("NUMBA_CACHE_DIR", "")])
 @pytest.mark.parametrize("changed", ["kernels/a.py", "elements/a.py", "elements/new.py", cache.JETS])
-def test_changed_sources_have_another_folder_wherever_it_is(places: Path, monkeypatch: pytest.MonkeyPatch,
-                                                            variable: str, below: str, changed: str) -> None:
+def test_changed_sources_have_another_cache_folder(places: Path, monkeypatch: pytest.MonkeyPatch,
+                                                   variable: str, below: str, changed: str) -> None:
     monkeypatch.setenv(variable, str(places / "chosen"))
     before, why = cache.cache_folder()
     assert (before is not None and before.parent, why) == (places / "chosen" / below / "ancf2d", "")
@@ -142,7 +142,7 @@ def test_changed_sources_have_another_folder_wherever_it_is(places: Path, monkey
     assert {p.stat().st_mode & 0o777 for p in (after, after.parent)} == {0o700}
 
 
-def test_a_folder_that_others_could_write_to_is_dropped(places: Path) -> None:
+def test_a_folder_writable_by_others_is_not_used(places: Path) -> None:
     folder, _ = cache.cache_folder()
     assert folder is not None
     (folder / "kept.kernel").touch()
@@ -155,7 +155,7 @@ def test_a_folder_that_others_could_write_to_is_dropped(places: Path) -> None:
     assert folder.stat().st_mode & 0o777 == 0o700
 
 
-def test_a_folder_of_another_user_is_left_alone(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_of_another_user_is_not_used(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder, _ = cache.cache_folder()
     assert folder is not None
     (folder / "planted.kernel").touch()
@@ -167,7 +167,7 @@ def test_a_folder_of_another_user_is_left_alone(places: Path, monkeypatch: pytes
 
 
 @pytest.mark.parametrize("home", ["", "/", "relative"])
-def test_nothing_is_kept_without_a_home(places: Path, monkeypatch: pytest.MonkeyPatch, home: str) -> None:
+def test_without_a_home_nothing_is_cached(places: Path, monkeypatch: pytest.MonkeyPatch, home: str) -> None:
     monkeypatch.setenv("HOME", home)
     monkeypatch.setenv("XDG_CACHE_HOME", "relative")
     assert cache.cache_folder() == (None, "there is no home folder")
@@ -190,7 +190,7 @@ def two_more(x):
 """
 
 
-def test_what_kernels_have_in_common_is_read_from_the_cache_by_those_compiled_later(
+def test_later_kernels_read_shared_functions_from_the_cache(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "parts_of_kernels.py").write_text(PARTS)
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -208,7 +208,7 @@ def test_what_kernels_have_in_common_is_read_from_the_cache_by_those_compiled_la
     assert imported().one_more(x) == 7.0
 
 
-def test_a_kernel_that_makes_arrays_has_to_say_so(module: ModuleType) -> None:
+def test_a_kernel_that_makes_arrays_must_declare_it(module: ModuleType) -> None:
     with pytest.raises(TypingError, match="zeros"):
         kernel(module.filled.py_func)(3, 2.0)
 
@@ -236,8 +236,8 @@ def two_more(x):
 
 
 @pytest.mark.slow
-def test_kernels_have_their_own_copies_of_what_they_call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Copies are optimised with the rest of each kernel: by a common name one could run that sums in another order."""
+def test_kernels_have_their_own_copies_of_called_functions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Copies are optimised with each kernel: under a common name one that sums in another order could run."""
     (tmp_path / "long_kernels.py").write_text(LONG)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr("ancf2d.kernels.lowlevel.jit.CACHE", tmp_path / "cache")
@@ -263,7 +263,7 @@ def half(n):
 """
 
 
-def test_a_kernel_without_memory_may_call_what_takes_some(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kernel_without_allocations_may_call_one_with_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "kernels_with_memory.py").write_text(WITH_MEMORY)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr("ancf2d.kernels.lowlevel.jit.CACHE", tmp_path / "cache")
@@ -279,7 +279,7 @@ def doubled(x):
 """
 
 
-def test_what_is_there_for_kernels_alone_is_refused_to_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_functions_for_kernels_only_refuse_calls_from_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(TypeError):
         copy_rows(np.ones((2, 2)), np.zeros((2, 2)))
     (tmp_path / "addressed_kernels.py").write_text(ADDRESSED)

@@ -1,4 +1,4 @@
-"""Band factorisation and the scatter of element matrices, against dense algebra."""
+"""Band factorisation and scatter of element matrices, compared with dense algebra."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_band_ldl_solves_and_its_negative_pivots_are_the_negative_eigenvalues(n,
     assert error < 1e-13 / min(1.0, smallest)
 
 
-def test_band_ldl_names_the_row_where_a_singular_matrix_breaks():
+def test_band_ldl_names_the_row_at_which_a_singular_matrix_fails():
     K = np.diag([2.0, 2.0, 2.0, 2.0]) - np.diag([1.0, 1.0, 1.0], 1) - np.diag([1.0, 1.0, 1.0], -1)
     K[0, 0] = K[3, 3] = 1.0
     assert factored(lower(K, 1), 1e-15)[0] == 3
@@ -77,7 +77,7 @@ def test_band_ldl_of_complex_symmetric_matrices_solves(n, bw, seed, gaps):
 @pytest.mark.parametrize("power", [-900, -540, -500, 500, 540, 900])
 @pytest.mark.parametrize("bw", [2, 5, 11])
 def test_complex_matrices_scaled_by_powers_of_two_have_the_same_factors(bw, power):
-    """Also where squares of the pivots are beyond what floating-point numbers hold."""
+    """Also if the squares of pivots overflow."""
     rng = np.random.default_rng(bw)
     K = random_band(rng, 31, bw, True) + 1j * random_band(rng, 31, bw, False)
     b = rng.normal(size=31) + 1j * rng.normal(size=31)
@@ -94,7 +94,7 @@ def test_complex_matrices_scaled_by_powers_of_two_have_the_same_factors(bw, powe
 
 @pytest.mark.slow
 @pytest.mark.parametrize("pivot", [3 + 4j, -1.5 + 0j, 0.7j, 1 - 1e-200j])
-def test_complex_pivots_of_any_size_are_divided_by(pivot):
+def test_complex_pivots_of_any_size(pivot):
     for power in range(-1020, 1021, 8):
         A, x = np.array([[pivot]]) * 2.0**power, np.array([pivot]) * 2.0**power
         assert factored(A, 1e-14)[0] == -1

@@ -1,4 +1,4 @@
-"""Forces of a step that keeps energy and momentum, and Kelvin-Voigt forces, for every type and formulation."""
+"""Forces of a step that conserves energy and momentum, and Kelvin-Voigt forces, for every type and formulation."""
 
 import helpers
 import numpy as np
@@ -42,7 +42,7 @@ def energy(model, d) -> float:
 
 
 def turning(model, d, omega: float = 1.0):
-    """Return the rates of all nodal coordinates where the deformed body turns about the origin."""
+    """Return the rates of all nodal coordinates for a rotation of the deformed body about the origin."""
     e, w = model.e0 + d, np.zeros(model.n_q)
     for mesh in model.meshes.values():
         for k, kind in enumerate(mesh.kinds.tolist()):
@@ -57,7 +57,7 @@ def turning(model, d, omega: float = 1.0):
 @EVERY
 @settings(max_examples=12, deadline=None)
 @given(seed=SEEDS, angle=st.floats(-3, 3), size=st.floats(-7, 0))
-def test_work_of_a_step_is_the_change_of_energy_and_what_is_dissipated(name, formulation, seed, angle, size):
+def test_work_of_a_step_is_the_change_of_energy_plus_dissipation(name, formulation, seed, angle, size):
     for geometry in helpers.GEOMETRIES:
         model = model_of(name, formulation, geometry)
         d0 = state(model, seed)
@@ -75,7 +75,7 @@ def test_work_of_a_step_is_the_change_of_energy_and_what_is_dissipated(name, for
 @EVERY
 @settings(max_examples=12, deadline=None)
 @given(seed=SEEDS, angle=st.floats(-3, 3))
-def test_forces_of_a_step_have_no_resultant_and_no_moment_about_the_middle(name, formulation, seed, angle):
+def test_forces_of_a_step_have_no_resultant_and_no_moment_about_the_mid_point(name, formulation, seed, angle):
     model = model_of(name, formulation)
     d0, d1 = state(model, seed), state(model, seed + 1, angle)
     Q = np.zeros(model.n_q)
@@ -90,7 +90,7 @@ def test_forces_of_a_step_have_no_resultant_and_no_moment_about_the_middle(name,
 
 
 @EVERY
-def test_no_step_is_the_elastic_force_and_half_its_tangent(name, formulation):
+def test_a_step_of_zero_length_has_the_elastic_force_and_half_its_tangent(name, formulation):
     model = model_of(name, formulation)
     group, n, d = model.groups[0], model.n_q, state(model, 3, 0.5)
     elastic, plain = np.zeros(n), np.zeros(n)
@@ -106,7 +106,7 @@ def test_no_step_is_the_elastic_force_and_half_its_tangent(name, formulation):
 
 @EVERY
 def test_tangent_of_a_small_step_is_the_derivative_of_its_force(name, formulation):
-    """With damping; what the symmetric tangent leaves out vanishes with the step."""
+    """With damping; the neglected unsymmetric part vanishes with the step."""
     model = model_of(name, formulation)
     group, n, d0 = model.groups[0], model.n_q, state(model, 3)
     step = helpers.random_state(model, 1e-7 * SIZE, 4)[:n]
@@ -135,7 +135,7 @@ def test_force_beside_the_tangent_is_that_of_the_force_alone(name, formulation):
     np.testing.assert_allclose(A, A.T, atol=1e-14 * np.abs(A).max())
 
 
-def test_no_number_where_no_such_form_is_known():
+def test_nan_without_a_known_conserving_form():
     model = model_of("reissner3", "geometrically_exact")
     assert np.isnan(mean_force(model.groups[0], 0.0, state(model, 1), state(model, 2), np.zeros(model.n_q))[1])
 
@@ -150,7 +150,7 @@ def dense_mass(model):
 @pytest.mark.parametrize(("name", "formulation"), [("vallejo", "enhanced"), ("2d3n", "continuum"), ("cable", "cable"),
                                                    ("cable", "green"), ("omar", "structural")])
 def test_a_free_steel_rod_keeps_energy_and_angular_momentum(name, formulation):
-    """Over steps of 0.05 rad, iterated until nothing changes; the mid-point rule itself would not keep the energy."""
+    """Over steps of 0.05 rad, iterated to a fixed point; the mid-point rule itself would not conserve energy."""
     omega, h, steps = 20.0, 2.5e-3, 40
     scene = {"b": helpers.body(helpers.line(1.0, 0.3), helpers.element(name, 3, formulation),
                                {"height": 0.02, "width": 0.02}, helpers.STEEL)}
@@ -214,7 +214,7 @@ def test_rigid_motion_of_a_bent_body_meets_no_viscous_force(name, formulation):
 
 @helpers.every_variant
 @pytest.mark.parametrize("turns", [1000.0, -1000.3])
-def test_a_thousand_turns_cost_nothing(name, formulation, turns):
+def test_a_thousand_turns_dissipate_nothing(name, formulation, turns):
     EV = helpers.MATERIAL["E"] * 0.3 * 0.2 * 1.5
     for geometry in helpers.GEOMETRIES:
         model = model_of(name, formulation, geometry)
@@ -223,7 +223,7 @@ def test_a_thousand_turns_cost_nothing(name, formulation, turns):
         assert energy(model, d) <= (1e-22 if helpers.TYPES[name].has_theta else 1e-28) * EV
 
 
-def test_damping_times_are_the_materials_and_rayleighs():
+def test_damping_times_are_those_of_the_material_and_of_rayleigh():
     material = {**helpers.MATERIAL, "damping": {"kelvin_voigt": 0.25}}
     spec, stiff = helpers.element("cable", 1), {"EA": 1.0, "EI": 1.0, "kGA": 1.0, "rhoA": 1.0}
     bodies = {

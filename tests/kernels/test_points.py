@@ -1,4 +1,4 @@
-"""The kernels of point laws: over a table they do what the laws do one by one, in motion and over a step."""
+"""The kernels of point laws: tables agree with the laws one by one, in motion and over a step."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import SymBand
 from ancf2d.kernels.patches import point_noise, point_violation
 from ancf2d.kernels.points import point_constraint_rates, point_mean_forces
-from ancf2d.model.interactions import point_table
+from ancf2d.model.point_tables import point_table
 
 
 @kernel
 def tangent(points, d, v, amps, c, Q, matrix, places):
-    """Do as ``point_tangent``, which kernels alone call."""
+    """Call ``point_tangent``, which only kernels can call."""
     return point_tangent(points, d, v, amps, c, Q, matrix, places)
 
 
@@ -139,7 +139,7 @@ def test_forces_and_tangent_are_those_of_the_laws():
 
 
 def test_statics_have_the_same_forces_and_tangents():
-    """Item by item: f, H without their symmetric part alone, and C, of springs, loads and constraints."""
+    """Item by item: f, H with its unsymmetric part, and C, of springs, loads and constraints."""
     model, _, _, signals = scene()
     d, t = motion(4), 0.3
     amps = np.array([[s(t), 0.0, 0.0] for s in signals])
@@ -204,7 +204,7 @@ def test_constraint_rates_are_the_time_derivatives_of_the_constraints():
     assert (velocity[:model.n_q] == 7.0).all()
 
 
-def test_violation_is_the_largest_beside_the_size_of_the_terms():
+def test_violation_is_the_largest_relative_to_the_size_of_its_terms():
     model, _, table, signals = scene()
     still = np.array([[s(0.0), 0.0, 0.0] for s in signals])
     d = np.zeros(len(motion(1)))
@@ -235,7 +235,7 @@ def test_turns_of_torsion_springs_are_counted_from_accepted_states():
     np.testing.assert_allclose(table.mem, [[15.0, 0.0]])
 
 
-def test_noise_bounds_what_round_off_in_the_coordinates_does_to_the_forces():
+def test_noise_bounds_the_effect_of_round_off_in_coordinates_on_forces():
     _, _, table, _ = scene()
     d, rest, amps = motion(13), np.zeros(len(motion(13))), np.ones((len(scene()[3]), 3))
     bound, Q = np.zeros(len(d)), np.zeros(len(d))
@@ -253,7 +253,7 @@ def test_noise_bounds_what_round_off_in_the_coordinates_does_to_the_forces():
     assert bound[touched].max() < 1e3 * np.abs(Q).max()
 
 
-def test_empty_tables_do_nothing():
+def test_empty_tables_have_no_effect():
     table, d, no_amps = Record(point_table([])), np.ones(4), np.zeros((0, 3))
     Q, A = np.zeros(4), np.zeros((4, 2))
     plain = Places(np.arange(4), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))

@@ -1,4 +1,4 @@
-"""The kernels of points of contact: sums over curves, points that are left out, friction between bodies."""
+"""The kernels of contact points: sums over curves, skipped points, friction between bodies."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from ancf2d.kernels.lowlevel.jit import kernel
 from ancf2d.kernels.lowlevel.records import Record
 from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import SymBand
-from ancf2d.model.interactions import point_table, with_assembly
+from ancf2d.model.point_tables import point_table, with_assembly
 from ancf2d.model.rotation import CoordinateKinds
 
 
 @kernel
 def skew(points, x, y, places):
-    """Do as ``add_skew``, which kernels alone call."""
+    """Call ``add_skew``, which only kernels can call."""
     return add_skew(points, x, y, places)
 
 
-def test_points_of_contact_on_one_curve_are_summed_and_left_out_where_it_is_far():
-    """Sums over items that share fields beside those one by one; what is far behind the first is never looked at.
+def test_contact_points_on_one_curve_are_summed_and_skipped_if_it_is_far():
+    """Sums over items that share fields agree with single items; points far behind the first are skipped.
 
     Tables that know the places of their entries in the matrix add the same to it. With what friction makes
     unsymmetric, a product with the matrix is the derivative of the forces.
@@ -82,7 +82,7 @@ def test_points_of_contact_on_one_curve_are_summed_and_left_out_where_it_is_far(
     assert np.abs(symmetric - slope).max() > 1e-3 * np.abs(slope).max()
 
 
-def test_what_friction_between_bodies_makes_unsymmetric_is_kept_whatever_a_point_is_opposite_to() -> None:
+def test_the_unsymmetric_part_of_friction_between_bodies_for_any_opposite_element() -> None:
     """A product with the matrix is the derivative of the forces of the unknowns, some coordinates being combinations.
 
     A bar on a rail, moved from the element that its points begin on to others, with an end that slides aslant.
@@ -132,8 +132,8 @@ def test_what_friction_between_bodies_makes_unsymmetric_is_kept_whatever_a_point
 
 @pytest.mark.parametrize("pushed", [-1e-5, -1e6])
 @pytest.mark.parametrize("law", [{}, {"law": {"stiffness": 1e6, "damping": 10.0}}])
-def test_points_that_are_left_out_have_no_force(law, pushed) -> None:
-    """A bar turned about a place on a rail: forces on bodies are those of all points, whatever the multipliers are.
+def test_skipped_points_have_no_force(law, pushed) -> None:
+    """A bar turned about a point on a rail: forces on bodies are those of all points, for any multipliers.
 
     A force that pushes hard closes gaps of any width, so that no point is left out then.
     """
@@ -168,7 +168,7 @@ def test_points_that_are_left_out_have_no_force(law, pushed) -> None:
     assert max(left) == 0 if closed.size and pushed < -1.0 else max(left) > 5
 
 
-def test_friction_of_a_layer_holds_to_the_last_accepted_state_of_points_that_are_apart() -> None:
+def test_layer_friction_starts_at_the_last_accepted_position_of_open_points() -> None:
     """A bar far above a floor moves along it by 0.3 m: where it lands, it has slipped from there alone."""
     model = helpers.build({"bar": helpers.body(helpers.line(1.0), helpers.element("cable", 2))},
                           obstacles={"floor": {"type": "half_plane", "through": [0, -10], "normal": [0, 1]}},
@@ -188,8 +188,8 @@ def test_friction_of_a_layer_holds_to_the_last_accepted_state_of_points_that_are
 
 @pytest.mark.parametrize("turn", [1, -1])
 @pytest.mark.parametrize("place", [(0.0, 0.0), (3.0, -5.0), (-70.0, 40.0)])
-def test_corners_that_stick_out_do_so_wherever_the_obstacle_is(place, turn):
-    """Of an L all corners but one stick out, and of an open line those that it turns about to the right."""
+def test_convex_corners_do_not_depend_on_position(place, turn):
+    """All corners of an L but one are convex; those of an open line are convex if it turns right there."""
     corners = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
     for closed in (True, False):
         shape = PolylineObstacle(tuple((x + place[0], y + place[1]) for x, y in corners[::turn]), closed).shape()

@@ -1,4 +1,4 @@
-"""Records: kernels see in them what is in the named tuple, and refuse what they could not read."""
+"""Records: kernels see the contents of the named tuple, and refuse unreadable ones."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def outer(negative: bool) -> Outer:
 
 
 @pytest.mark.parametrize("negative", [False, True])
-def test_kernels_read_what_the_tuple_holds(negative: bool) -> None:
+def test_kernels_read_the_contents_of_the_tuple(negative: bool) -> None:
     values, out = outer(negative), np.zeros(3)
     record = Record(values)
     read(record, out)
@@ -60,7 +60,7 @@ def test_kernels_read_what_the_tuple_holds(negative: bool) -> None:
     assert read_whole(record) == 1.5 + 7 + 1.0, "records share the arrays"
 
 
-def test_arrays_that_do_not_lie_row_by_row_are_refused() -> None:
+def test_arrays_that_are_not_contiguous_are_refused() -> None:
     values = outer(False)
     for table in (values.inner.table.T, values.inner.table.astype(np.float32)):
         with pytest.raises(ValueError, match="cannot be part of a record"):

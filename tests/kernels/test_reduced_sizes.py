@@ -1,4 +1,4 @@
-"""Sizes of full forces as seen by the unknowns: at least what forces of any signs come to."""
+"""Sizes of full forces in terms of the unknowns: upper bounds for forces of any signs."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def reduced(p, full, sizes, out, bound):  # type: ignore[no-untyped-def]
     to_unknowns(p, sizes, bound, True)
 
 
-def test_sizes_do_not_cancel_where_a_coordinate_depends_on_others_with_both_signs() -> None:
-    """A clamp between nodes makes coordinates differences of others: round-off there does not cancel as forces do."""
+def test_sizes_of_dependents_do_not_cancel() -> None:
+    """A clamp between nodes makes coordinates differences of others: round-off does not cancel there as forces do."""
     beam = {"b": h.body(h.line(1.0), h.element("vallejo", 2), {"height": 0.1, "width": 0.1})}
     model = h.build(beam, {"type": "dynamic", "t_end": 1.0, "dt": 0.1}, bc=[{"type": "clamp", "at": "b@0.3"}])
     p, _ = make_problem(model)

@@ -1,4 +1,4 @@
-"""Prismatic joints: distance from a deformed axis, its derivatives, borders between elements, forces without work."""
+"""Prismatic joints: distance from a deformed axis, its derivatives, crossing elements, workless forces."""
 
 import helpers
 import numpy as np
@@ -19,13 +19,13 @@ from ancf2d.kernels.sliding import (
     sliding_tangent,
     sliding_violation,
 )
-from ancf2d.model.interactions import Interactions
+from ancf2d.model.point_tables import Interactions
 from ancf2d.model.points import point_ref
 
 
 @kernel
 def tangent(table, d, v, amps, c, Q, matrix, places):
-    """Do as ``sliding_tangent``, which kernels alone call."""
+    """Call ``sliding_tangent``, which only kernels can call."""
     sliding_tangent(table, d, v, amps, c, Q, matrix, places)
 
 
@@ -35,7 +35,7 @@ L = 2.0
 
 
 class Scene:
-    """A body ``rail`` along x with a short body ``bead`` that begins on it; d holds one multiplier at the end."""
+    """A body ``rail`` along x and a short body ``bead`` that starts on it; the last entry of d is a multiplier."""
 
     def __init__(self, name="2d2n", count=5, s=0.43, geometry=None):
         rail = helpers.body(geometry or helpers.line(L), helpers.element(name, count))
@@ -83,7 +83,7 @@ class Scene:
         return Q
 
     def put(self, d, x, y):
-        """Place the point at (x, y)."""
+        """Move the point to (x, y)."""
         for (coords, weights), value in zip(self.point.position(), (x, y), strict=True):
             assert len(coords) == 1
             d[coords[0]] = value / weights[0] - self.model.e0[coords[0]]
@@ -192,7 +192,7 @@ def bent(scene, size=1.2):
 
 
 @EVERY
-def test_the_foot_point_crosses_borders_within_one_evaluation(scene):
+def test_the_foot_point_crosses_elements_within_one_evaluation(scene):
     d, a = bent(scene), np.linspace(0.02, 1.18, 59)
     radius = L / 1.2
     # straight elements lie inside the arc
@@ -208,7 +208,7 @@ def test_the_foot_point_crosses_borders_within_one_evaluation(scene):
 
 
 @EVERY
-def test_only_accepted_states_move_the_memory(scene):
+def test_only_accepted_states_change_the_memory(scene):
     d = bent(scene)
     before = scene.table.memory.copy()
     scene.put(d, *scene.axis(d, 0.9))
@@ -223,7 +223,7 @@ def test_only_accepted_states_move_the_memory(scene):
 
 
 @EVERY
-def test_the_normal_keeps_its_sign_over_turns_of_the_body(scene):
+def test_the_normal_keeps_its_sign_over_full_turns_of_the_body(scene):
     d = bent(scene)
     scene.put(d, *(scene.axis(d, 0.3) + np.array([0.0, 0.05])))
     reference = scene.g(d)
@@ -263,7 +263,7 @@ def test_a_kink_has_one_side_and_no_jump_of_the_distance(corner):
 @EVERY
 @pytest.mark.parametrize(("one", "two"), [(0.3, 0.34), (0.35, 0.45), (0.15, 0.85), (0.5, 0.5)])
 def test_mean_forces_do_no_work_and_have_no_resultant(scene, one, two):
-    """From one point of the axis to another while the body deforms, turns and moves."""
+    """From one point of the axis to another while the body deforms, rotates and moves."""
     d0 = scene.state(0.02, 1, 0.0)
     d1 = np.append(helpers.rotate(scene.state(0.02, 2)[:-1], scene.model, 0.4, (0.2, 0.1)), 1.0)
     for d, s in ((d0, one), (d1, two)):
@@ -305,7 +305,7 @@ def test_mean_forces_are_the_gradient_where_a_step_is_small(scene):
 
 @EVERY
 @pytest.mark.parametrize("end", [0, 1])
-def test_running_off_an_end_is_told(scene, end):
+def test_leaving_the_end_of_the_axis_is_reported(scene, end):
     d = np.zeros(scene.n_q + 1)
     for beyond, index in ((-1e-3, -1), (0.0, -1), (1e-3, 0), (0.5, 0)):
         scene.put(d, (L + beyond) if end else -beyond, 0.0)
@@ -322,7 +322,7 @@ def test_running_off_an_end_is_told(scene, end):
 
 
 @pytest.mark.parametrize("name", ["2d2n", "cable", "reissner3"])
-def test_joints_on_arcs_begin_where_the_point_is(name):
+def test_joints_on_arcs_start_at_the_point(name):
     arc = {"type": "arc", "center": [1.0, 2.0], "radius": 1.5, "from": 2.9, "to": 0.2}
     scene = Scene(name, 3, 0.61, arc)
     assert scene.g(np.zeros(scene.n_q + 1)) == pytest.approx(0, abs=1e-15)
@@ -360,7 +360,7 @@ def test_violation_is_relative_and_noise_bounds_round_off(scene):
 
 
 @pytest.mark.slow
-def test_no_joints_are_no_work():
+def test_empty_tables_of_joints_have_no_effect():
     scene = Scene()
     table = Record(sliding_table([], scene.model.e0))
     d, Q = scene.state(), np.zeros(scene.n_q + 1)
@@ -374,7 +374,7 @@ def test_no_joints_are_no_work():
     assert sliding_check(table, d) == -1
 
 
-def test_two_joints_on_bodies_of_different_types_keep_apart():
+def test_two_joints_on_bodies_of_different_types_are_independent():
     one, two = Scene("2d2n", 3), Scene("reissner3", 4)
     bodies = {
         "a": helpers.body(helpers.line(L), helpers.element("reissner3", 4)),

@@ -1,4 +1,4 @@
-"""Bodies alike are worked on together: forces and tangents are those of each body alone, and places are told apart."""
+"""Groups of similar bodies: forces and tangents are those of each body alone, and elements keep their names."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def tangent(group, model, d):
 
 
 @h.every_small_type
-def test_forces_and_tangents_of_bodies_together_are_those_of_each(name):
+def test_forces_and_tangents_of_a_group_are_those_of_single_bodies(name):
     model = frame(name)
     d = h.random_state(model, 0.01)
     together = [tangent(group, model, d) for group in model.groups]
@@ -50,7 +50,7 @@ def test_forces_and_tangents_of_bodies_together_are_those_of_each(name):
         np.testing.assert_allclose(a, b, rtol=1e-13, atol=1e-13 * np.abs(b).max())
 
 
-def test_bodies_alike_share_a_pool_and_lengths_a_class():
+def test_similar_bodies_share_a_pool_and_equal_lengths_a_class():
     model = frame("vallejo")
     assert [[m.plan.name for m in pool.meshes] for pool in model.pools] == [["a", "b", "c"], ["other"]]
     first = model.pools[0]
@@ -61,14 +61,14 @@ def test_bodies_alike_share_a_pool_and_lengths_a_class():
         (0, 0), (0, 3), (0, 6), (1, 0)]
 
 
-def test_long_bodies_stay_alone(monkeypatch):
+def test_long_bodies_have_their_own_group(monkeypatch):
     monkeypatch.setattr(body_groups, "MANY", 3)
     assert [[m.plan.name for m in pool.meshes] for pool in frame("vallejo").pools] == [["a"], ["b"], ["other"], ["c"]]
 
 
 @pytest.mark.parametrize("body", ["a", "b", "c", "other"])
 @pytest.mark.parametrize("element", [0, 1])
-def test_what_has_turned_inside_out_is_told_by_the_name_of_its_body(body, element):
+def test_inverted_elements_are_reported_with_the_name_of_their_body(body, element):
     model = frame("vallejo")
     mesh, d = model.meshes[body], np.zeros(model.n_q)
     assert inverted(model, d) is None

@@ -1,4 +1,4 @@
-"""Breaks of signals: all of them, of the right order, at the float where the new piece begins."""
+"""Breaks of signals: all of them, of the right order, at the exact float at which the new piece begins."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_windows_shorter_than_the_samples_are_found() -> None:
 
 
 @pytest.mark.parametrize("text", ["1 if t < 0.7 else -1", "abs(t - 0.7)", "t^2 if t <= 0.7 else 1.4*t - 0.49"])
-def test_both_sides_of_a_break_are_pieces_of_their_own(text: str) -> None:
+def test_both_sides_of_a_break_are_separate_pieces(text: str) -> None:
     signal = formula(text)
     (b,) = breakpoints(signal, 0.0, 1.0)
     h = 1e-6
@@ -89,7 +89,7 @@ def test_both_sides_of_a_break_are_pieces_of_their_own(text: str) -> None:
     assert signal(b.t) == pytest.approx(signal(b.t + h), abs=1e-5)
 
 
-def test_a_switch_at_the_start_is_a_jump_but_no_place_to_stop() -> None:
+def test_a_switch_at_the_start_is_a_jump_but_not_a_stop() -> None:
     for number in (0.0, 1e-13):
         first = math.nextafter(number, 1.0)
         assert motion_pieces([formula(f"1 if t > {number} else 0")], 1.0) == [MotionPiece(first, math.inf, 1.0)]
@@ -104,7 +104,7 @@ def test_signals_end_before_a_switch_at_the_end() -> None:
 
 
 @pytest.mark.parametrize("switches", [1000, pytest.param(10000, marks=pytest.mark.slow)])
-def test_as_many_switches_as_there_are_are_found(switches: int) -> None:
+def test_all_of_many_switches_are_found(switches: int) -> None:
     found = breakpoints(formula(f"1 if cos({switches}*pi*t) > 0 else 0"), 0.0, 1.0)
     np.testing.assert_allclose([b.t for b in found], (np.arange(switches) + 0.5) / switches, atol=1e-12)
 
@@ -114,7 +114,7 @@ def test_breaks_are_those_of_the_window() -> None:
     assert [round(b.t, 9) for b in breakpoints(signal, 1.5, 2.5)] == [2.0]
 
 
-def test_what_is_scaled_to_nothing_does_not_break() -> None:
+def test_signals_scaled_to_zero_have_no_breaks() -> None:
     assert found(formula("t > 1", factor=0.0)) == found(Signal(Ramp(scale=0.0))) == []
 
 
@@ -136,8 +136,8 @@ def test_times_of_any_size_have_breaks(end: float) -> None:
     ("t if t < 1 else 1", [1.0]), ("0.5 if t < 1 else 0.2", [1.0]), ("(t - 1)^2", [1.0]),
     ("(t - 0.99999)^2", [0.99999]), ("2", []),
     ("(t - 0.5)*(1 - t)*(t > 0.5)*(t < 1)", [0.5, 0.75, 1.0])])
-def test_steps_of_statics_end_where_amplitudes_turn_and_nowhere_while_they_stay(text: str, stops: list[float]) -> None:
-    """A stretch where nothing changes has a stop at either end, up to the distance of the places that are looked at."""
+def test_steps_of_statics_end_at_turning_points_of_amplitudes(text: str, stops: list[float]) -> None:
+    """A constant stretch has a stop at either end, up to the spacing of the samples."""
     bodies = {"b": helpers.body(helpers.line(1.0), helpers.element("cable", 1))}
     case = helpers.load(bodies, bc=[{"type": "clamp", "at": "b@0"}], loads=[
         {"type": "force", "at": "b@1", "value": [0, 1], "amplitude": {"type": "expression", "value": text}}]).case

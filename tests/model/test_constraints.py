@@ -1,4 +1,4 @@
-"""Nonlinear constraints: gradient, Hessian, and which motions they allow."""
+"""Nonlinear constraints: gradient, Hessian, and the motions they allow."""
 
 import helpers
 import numpy as np
@@ -6,7 +6,7 @@ import pytest
 
 from ancf2d.errors import CaseError
 from ancf2d.model.constraints import Equations, align, prescribe_rotation
-from ancf2d.model.interactions import batches
+from ancf2d.model.point_tables import batches
 from ancf2d.model.points import point_ref
 
 TURN = 0.7
@@ -64,7 +64,7 @@ def test_gradient_and_hessian_are_derivatives(case):
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_constraints_that_are_evaluated_together_are_those_one_by_one(case):
+def test_constraints_evaluated_together_agree_with_single_ones(case):
     model = CASES[case]()
     rng = np.random.default_rng(8)
     alike = [c for c in model.constraints if len(c.dofs) == len(model.constraints[0].dofs)] * 2
@@ -118,8 +118,8 @@ def test_the_reference_meets_every_weld_and_prescribed_angle_between_the_nodes_o
 
 @pytest.mark.parametrize("angle", [0.3, -2.0, 3.1])
 @helpers.every_small_type
-def test_corners_and_welds_go_along_with_rigid_motion(name, angle):
-    """At a corner position and section rotation are shared; a beam that goes straight on shares its whole node."""
+def test_corners_and_welds_allow_rigid_motion(name, angle):
+    """A corner shares position and section rotation; a straight continuation shares the whole node."""
     corner = {"type": "polyline", "points": [[0, 0], [1, 0], [1.5, 0.8]]}
     straight_on = {"type": "line", "start": [2.0, 1.6], "end": [1.5, 0.8]}
     model = helpers.build(
@@ -139,15 +139,15 @@ def test_corners_and_welds_go_along_with_rigid_motion(name, angle):
 
 
 def multipliers(first, second, *more):
-    """Return how many multipliers the welds of two bodies at (1, 0), and of others, need."""
+    """Return the number of multipliers of the welds of two bodies at (1, 0), and of others."""
     bodies = {"a": first, "b": second, **{f"c{k}": b for k, b in enumerate(more)}}
     joints = [{"type": "weld", "between": ["a@1", "b@0"]}]
     joints += [{"type": "weld", "between": ["b@0", f"c{k}@0"]} for k in range(len(more))]
     return len(helpers.build(bodies, bc=[{"type": "clamp", "at": "a@0"}], joints=joints).constraints)
 
 
-def test_coordinates_are_shared_where_one_beam_goes_on_alone():
-    """Alike, in one direction, and with nothing else welded there; strains are continuous where curvature jumps."""
+def test_coordinates_are_shared_where_one_beam_continues_another():
+    """Of the same kind and direction, with nothing else welded there; strains are continuous where curvature jumps."""
     def straight(angle=0.0, **section):
         return helpers.body(helpers.line(1.0, angle, (1.0, 0.0)), helpers.element("cable", 2),
                             {**helpers.SECTION, **section})
@@ -173,7 +173,7 @@ def test_sections_with_theta_need_no_multiplier():
 
 
 @pytest.mark.parametrize("name", helpers.KINDS.values())
-def test_a_rotation_that_is_held_twice_has_one_multiplier_at_most(name):
+def test_a_rotation_constrained_twice_has_at_most_one_multiplier(name):
     """A ring of welds at one point, and a weld between clamped sections: the second is no equation of its own."""
     ring = {k: helpers.body(helpers.line(1.0, a), helpers.element(name, 2)) for a, k in enumerate("abc")}
     welds = [{"type": "weld", "between": [f"{p}@0", f"{q}@0"]} for p, q in ("ab", "bc", "ca")]
@@ -185,15 +185,15 @@ def test_a_rotation_that_is_held_twice_has_one_multiplier_at_most(name):
     assert any("redundant" in w and "relative rotation" in w for w in model.warnings)
 
 
-def test_a_rotation_that_is_held_is_not_moved():
+def test_a_fixed_rotation_cannot_be_prescribed_to_move():
     body = {"a": helpers.body(helpers.line(1.0), helpers.element("vallejo", 2))}
     with pytest.raises(CaseError, match="turn: another support already holds the rotation"):
         helpers.build(body, bc=[{"type": "clamp", "at": "a@0"},
                                 {"name": "turn", "type": "prescribed", "at": "a@0", "angle": 0.1}])
 
 
-def test_joints_close_gaps_that_are_small_beside_the_bodies_that_they_join():
-    """A body far away makes the scene large, but not the gap that may be closed."""
+def test_joints_close_gaps_that_are_small_relative_to_their_bodies():
+    """A distant body makes the scene large, but not the gap that may be closed."""
     near = [helpers.body(helpers.line(1.0, 0.0, (x, 0.0)), helpers.element("cable", 1)) for x in (0.0, 1.5)]
     far = helpers.body(helpers.line(1.0, 0.0, (1e6, 0.0)), helpers.element("cable", 1))
     scene = {"bodies": dict(zip("abc", [*near, far], strict=True)),
@@ -206,7 +206,7 @@ def test_joints_close_gaps_that_are_small_beside_the_bodies_that_they_join():
 
 
 @pytest.mark.parametrize("kind", ["pin", "weld"])
-def test_a_body_is_not_joined_with_itself_at_one_point(kind):
+def test_a_body_cannot_be_joined_with_itself_at_one_point(kind):
     body = {"b": helpers.body(helpers.line(1.0), helpers.element("vallejo", 3))}
     with pytest.raises(CaseError, match="another point of the same body"):
         helpers.build(body, bc=[{"type": "clamp", "at": "b@0"}],

@@ -1,4 +1,4 @@
-"""Reference curves and meshes: arclength, tangents, derivatives, sharing of elements, nodes shared once."""
+"""Reference curves and meshes: arc length, tangents, derivatives, distribution of elements, shared nodes."""
 
 import itertools
 
@@ -20,7 +20,7 @@ from ancf2d.model.curve import knots, pieces_of, share_count
     sweep=st.floats(-6.2, 6.2).filter(lambda x: abs(x) > 0.01),
     s=st.floats(0, 1),
 )
-def test_an_arc_stays_on_its_circle_and_runs_by_arclength(R, a, sweep, s):
+def test_an_arc_lies_on_its_circle_and_is_parametrised_by_arc_length(R, a, sweep, s):
     (piece,) = pieces_of(Arc(center=(1.0, -2.0), radius=R, from_=a, to=a + sweep), 4)
     assert piece.length == pytest.approx(R * abs(sweep))
     r, theta = piece.position(s * piece.length)
@@ -53,7 +53,7 @@ def test_derivatives_of_the_reference_are_those_of_the_curve(kappa_sign):
 
 
 @given(st.lists(st.floats(0.01, 100), min_size=1, max_size=8), st.integers(0, 60))
-def test_elements_are_shared_in_proportion_with_one_per_piece(lengths, extra):
+def test_elements_are_distributed_in_proportion_with_at_least_one_per_piece(lengths, extra):
     count = len(lengths) + extra
     shares = share_count(lengths, count)
     assert sum(shares) == count
@@ -66,14 +66,14 @@ def test_elements_are_shared_in_proportion_with_one_per_piece(lengths, extra):
     ([1, 1, 1], 4, [1, 2, 1]), ([1, 1, 1], 5, [2, 1, 2]), ([1, 1, 1, 1], 6, [1, 2, 2, 1]), ([1, 1], 3, [2, 1]),
     ([2, 1, 1, 2], 8, [3, 1, 1, 3]), ([1, 2, 1], 5, [1, 3, 1]), ([1, 1e-3, 1], 4, [2, 1, 1])])
 @pytest.mark.parametrize("unit", [1.0, 1e-3, 1 / 3, 0.7])
-def test_pieces_alike_to_round_off_share_an_odd_count_from_the_middle(lengths, count, shares, unit):
+def test_pieces_equal_to_round_off_divide_an_odd_count_from_the_middle(lengths, count, shares, unit):
     rng = np.random.default_rng(1)
     for _ in range(5):
         noisy = [unit * length * (1 + 1e-15 * rng.integers(-3, 4)) for length in lengths]
         assert share_count(noisy, count) == shares
 
 
-def test_the_shares_of_a_polyline_do_not_depend_on_where_it_points():
+def test_the_counts_of_a_polyline_do_not_depend_on_its_direction():
     corners = np.array([[0, 0], [1, 0], [1, 1], [2, 1], [2, 2]])
     counts = set()
     for angle in np.linspace(0, 6, 25):
@@ -88,7 +88,7 @@ SPLIT = {"line": Line(start=(0.0, 1.0), end=(3.0, 5.0)), "arc": Arc(center=(1.0,
 
 
 @pytest.mark.parametrize("geometry", SPLIT)
-def test_pieces_are_split_where_nodes_must_be_and_stay_on_the_curve(geometry):
+def test_pieces_are_split_at_required_nodes_and_stay_on_the_curve(geometry):
     (whole, *_), pieces = pieces_of(SPLIT[geometry], 7), pieces_of(SPLIT[geometry], 7, (0.0, 0.3, 0.77, 1.0))
     length = pieces[-1].s0 + pieces[-1].length
     starts = [p.s0 / length for p in pieces]
@@ -101,7 +101,7 @@ def test_pieces_are_split_where_nodes_must_be_and_stay_on_the_curve(geometry):
         assert not b.continues or angle == pytest.approx(b.angle, abs=1e-14)
 
 
-def test_nodes_of_equal_elements_split_nothing_and_those_too_close_share_one():
+def test_existing_nodes_split_nothing_and_close_ones_are_merged():
     line = SPLIT["line"]
     assert pieces_of(line, 8, (0.0, 0.25, 0.625, 1 - 1e-7)) == pieces_of(line, 8)
     assert [p.count for p in pieces_of(line, 8, (0.3, 0.300001, 0.3 + 1e-13))] == [2, 6]
@@ -190,7 +190,7 @@ def test_length_curvature_and_area_of_smooth_axes_are_exact(name, count):
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e6])
-def test_smooth_axes_do_not_mind_where_they_are(shift):
+def test_smooth_axes_do_not_depend_on_position(shift):
     near = pieces_of(CurveGeometry(x="s", y="s^2"), 4)[0]
     far = pieces_of(CurveGeometry(x=f"{shift} + s", y="s^2"), 4)[0]
     assert far.length == pytest.approx(near.length, rel=1e-13)
@@ -218,7 +218,7 @@ def test_a_spline_passes_its_points_with_continuous_curvature_and_ends_elements_
     assert all(p.shared for p in pieces[1:])
 
 
-def test_a_closed_spline_is_a_circle_where_its_points_are():
+def test_a_closed_spline_through_points_of_a_circle_is_nearly_one():
     n = 64
     a = TURN * np.arange(n) / n
     (ring,) = pieces_of(Spline(points=tuple(zip(np.cos(a).tolist(), np.sin(a).tolist(), strict=True)), closed=True), 8)

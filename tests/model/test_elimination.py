@@ -1,4 +1,4 @@
-"""Linear equations between coordinates: the reduced coordinates span exactly what the equations allow."""
+"""Linear equations between coordinates: the reduced coordinates span exactly the solutions."""
 
 import helpers
 import numpy as np
@@ -32,7 +32,7 @@ def random_rows(seed: int, n: int, m: int, repeats: int):
 
 @settings(deadline=None)
 @given(seed=st.integers(0, 10**6), n=st.integers(4, 12), m=st.integers(1, 4), repeats=st.integers(0, 2))
-def test_dependents_solve_the_rows_and_nothing_else_is_held(seed, n, m, repeats):
+def test_dependents_solve_the_rows_and_nothing_else_is_fixed(seed, n, m, repeats):
     A = random_rows(seed, n, m, repeats)
     rng = np.random.default_rng(seed)
     motion = rng.normal(size=n)
@@ -63,7 +63,7 @@ def test_contradicting_rows_are_found(seed, n, m):
     assert (len(found) > 0) == (np.linalg.matrix_rank(np.column_stack([A, b])) > np.linalg.matrix_rank(A))
 
 
-def test_the_coordinate_that_moves_most_is_eliminated_whatever_the_units():
+def test_the_coordinate_that_moves_most_is_eliminated_in_any_units():
     row = Row(np.array([0, 1]), np.array([1.0, 1000.0]), "o", "h")
     assert list(eliminate([row], lambda c: 1.0).dependents) == [1]
     assert list(eliminate([row], lambda c: (1.0, 1e-6)[c]).dependents) == [0]
@@ -107,7 +107,7 @@ def test_reduction_of_forces_is_the_transpose_of_expansion(name, scene):
     np.testing.assert_array_equal(num.place[num.free], np.arange(num.n_unknowns))
 
 
-def test_a_support_held_twice_is_reported_and_a_contradiction_is_an_error():
+def test_a_redundant_support_is_reported_and_a_contradiction_is_an_error():
     beam = {"b": helpers.body(helpers.line(1.0), helpers.element("vallejo", 2))}
     clamp = {"type": "clamp", "at": "b@0"}
     model = helpers.build(beam, bc=[clamp, {"type": "pin", "at": "b@0"}])
@@ -124,7 +124,7 @@ PULSE = {"type": "expression", "value": "exp(-((t - 0.5437)/2e-3)^2)"}
                                     {"type": "sine", "frequency": 5, "phase": 0},
                                     {"type": "expression", "value": "1 if 0.41 < t < 0.4100001 else 0"}])
 def test_motions_of_one_point_are_compared_as_functions_not_at_round_times(course):
-    """A pin, and a motion that is zero at 0, 0.1, ..., 1 and not between."""
+    """A pin, and a motion that is zero at 0, 0.1, ..., 1 but not between."""
     beam = {"b": helpers.body(helpers.line(1.0), helpers.element("vallejo", 2))}
     scene = [{"type": "clamp", "at": "b@0"}, {"name": "lift", "type": "prescribed", "at": "b@0", "uy": course}]
     for bc in (scene, scene[::-1]):
@@ -132,7 +132,7 @@ def test_motions_of_one_point_are_compared_as_functions_not_at_round_times(cours
             helpers.build(beam, bc=bc)
 
 
-def test_motions_that_agree_in_other_words_may_both_be_given():
+def test_equal_motions_in_different_forms_may_both_be_given():
     beam = {"b": helpers.body(helpers.line(1.0), helpers.element("vallejo", 2))}
     spelled = [{"type": "table", "t": [0, 0.25, 1], "value": [0, 0.5, 0.5]}, {"type": "expression", "value":
                "2*t if t < 0.25 else 0.5"}, {"type": "ramp", "t0": 0, "t1": 0.25, "scale": 0.5}]

@@ -1,4 +1,4 @@
-"""Unequal elements: their lengths, nested refinement, nodes where something acts, closed forms, every type and axis."""
+"""Unequal elements: their lengths, nested refinement, required nodes, closed forms, every type and axis."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ AXES = {**helpers.GEOMETRIES, "polyline": {"type": "polyline", "points": [[0, 0]
 
 
 def ends(spec: dict[str, Any], geometry: Any = helpers.LINE, **scene: Any) -> np.ndarray:
-    """Return the places S where elements end."""
+    """Return the positions S of the ends of elements."""
     held = {"bc": [{"type": "clamp", "at": "b@0"}], **scene}
     mesh = helpers.build({"b": helpers.body(geometry, {"type": "reissner3", **spec})}, **held).meshes["b"]
     np.testing.assert_allclose(mesh.starts[1:], (mesh.starts + mesh.lengths)[:-1], rtol=1e-12)
@@ -42,7 +42,7 @@ def body_of(spec: dict[str, Any]) -> Body:
 
 
 @pytest.mark.parametrize("name", SPECS)
-def test_places_and_shares_of_elements_are_inverse_and_run_from_end_to_end(name: str) -> None:
+def test_positions_and_shares_of_elements_are_inverse_maps(name: str) -> None:
     grading = grading_of(body_of(SPECS[name]).element)
     assert grading is not None
     x = np.linspace(0.0, 1.0, 101)
@@ -59,7 +59,7 @@ def test_a_ratio_is_a_geometric_series_and_the_linear_profile_of_lengths() -> No
     np.testing.assert_allclose(ends({"count": 6, "grading": 1}), np.linspace(0, 1, 7), atol=1e-14)
 
 
-def test_lengths_follow_a_table_with_jumps_and_nodes_that_are_given() -> None:
+def test_lengths_follow_a_table_with_jumps_and_given_nodes() -> None:
     fine = ends({"count": 400, "grading": TABLE})
     middle, length = 0.5 * (fine[1:] + fine[:-1]), np.diff(fine)
     away = abs(middle - 0.3) > 1e-2
@@ -106,7 +106,7 @@ def test_studies_and_accuracy_control_halve_elements_and_keep_the_grading(name: 
                                np.round(grading.shares(second.starts / length) * 2 * least), atol=1e-9)
 
 
-def test_grading_is_written_as_it_was_read() -> None:
+def test_grading_survives_writing_and_reading() -> None:
     for spec in SPECS.values():
         loaded = helpers.load({"b": helpers.body(helpers.LINE, {"type": "cable", **spec})},
                               bc=[{"type": "clamp", "at": "b@0"}])
@@ -131,7 +131,7 @@ def test_the_kinds_of_grading() -> None:
 @pytest.mark.parametrize(("spec", "told"), [
     ({"count": 20, "grading": 1e9}, "grading.*the shortest element is 2.*e-09 times as long as the longest one"),
     ({"nodes": [0, 0.5, 0.500001, 1]}, "nodes.*the shortest element is 1e-06 times as long as the body")])
-def test_elements_too_unequal_to_compute_with_are_refused(spec: dict[str, Any], told: str) -> None:
+def test_extremely_unequal_elements_are_refused(spec: dict[str, Any], told: str) -> None:
     with pytest.raises(CaseError) as error:
         ends(spec)
     (problem,) = error.value.problems
@@ -139,7 +139,7 @@ def test_elements_too_unequal_to_compute_with_are_refused(spec: dict[str, Any], 
 
 
 @helpers.every_small_type
-def test_a_bar_under_tension_is_exact_whatever_its_elements(name: str) -> None:
+def test_a_bar_under_tension_is_exact_for_any_grading(name: str) -> None:
     """u = F S L/(E A), nu = 0; 2d2n and 2d3n fail the patch test with equal elements too: exact at the end alone."""
     spec = {**helpers.element(name, 5), "grading": "0.2 + s^2"}
     model = helpers.cantilever(spec, helpers.tip(1e6, 0.0, spread="uniform"), material={"E": 2e11, "nu": 0.0},
@@ -149,8 +149,8 @@ def test_a_bar_under_tension_is_exact_whatever_its_elements(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["cable", "reissner3"])
-def test_elements_that_are_short_in_a_boundary_layer_resolve_it(name: str) -> None:
-    """A cantilever pulled by N bends in a layer of sqrt(EI/N): u(L) = F/N (L - tanh(k L)/k), k = sqrt(N/EI)."""
+def test_short_elements_resolve_a_boundary_layer(name: str) -> None:
+    """A cantilever under tension N bends in a layer of sqrt(EI/N): u(L) = F/N (L - tanh(k L)/k), k = sqrt(N/EI)."""
     L, N, F, EI = 1.0, 1e4, 1e-2, 1.0
     section = {"EA": 1e12, "EI": EI} | ({} if name == "cable" else {"kGA": 1e13})
     k = math.sqrt(N / EI)

@@ -1,4 +1,4 @@
-"""Inverted elements are found wherever they are."""
+"""Inverted elements are found wherever they occur."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ COUNT = 7
 @pytest.mark.parametrize("block", [1, 3, 100])
 @pytest.mark.parametrize("name", ["vallejo", "reissner2", "cable", "ancf[3,3]"])
 @pytest.mark.parametrize("element", [0, 3, 6])
-def test_the_element_that_has_turned_is_named(monkeypatch, block, name, element):
-    """What is beyond the first node of an element comes to lie before it."""
+def test_the_inverted_element_is_named(monkeypatch, block, name, element):
+    """A point beyond the first node of an element moves in front of it."""
     monkeypatch.setattr(element_limits, "BLOCK", block)
     beam = {"b": helpers.body(helpers.line(COUNT), helpers.element(name, COUNT))}
     model = helpers.build(beam, bc=[{"type": "clamp", "at": "b@0"}])

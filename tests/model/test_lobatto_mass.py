@@ -1,4 +1,4 @@
-"""A share of the mass by Gauss-Lobatto points: waves at better speeds, bodies of the same mass and inertia."""
+"""A share of the mass by Gauss-Lobatto points: more accurate wave speeds, the same mass and inertia."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ L, E, RHO = 2.0, 1.0, 1.0
 
 
 def definition(p: int, share: float, kind: str = "theta") -> dict:
-    """Return an element of degree p along the axis, its nodes at the Gauss-Lobatto points."""
+    """Return an element of degree p along the axis with nodes at the Gauss-Lobatto points."""
     if kind == "theta":
         basis, coordinates = [f"x^{k}" if k else "1" for k in range(p + 1)], ["r", "theta"]
     else:
@@ -39,7 +39,7 @@ def model(tmp_path, count: int, spec: dict, **more):
 
 
 def third_axial_error(tmp_path, count: int, p: int, share: float) -> float:
-    """Return the relative error of the third frequency of a bar that is held at both ends and moves along alone."""
+    """Return the relative error of the third axial frequency of a bar fixed at both ends."""
     held = [{"type": "roller", "at": "bar@0", "fixed": "x"}, {"type": "roller", "at": "bar@1", "fixed": "x"}]
     bar = model(tmp_path, count, definition(p, share), boundary_conditions=held)
     from ancf2d.solvers.small_motions.lowest_modes import Pencil
@@ -65,7 +65,7 @@ def test_waves_along_a_bar_gain_two_orders(tmp_path, p, counts):
 @pytest.mark.parametrize("kind", ["theta", "r_y"])
 @pytest.mark.parametrize("p", [2, 3, 4])
 def test_rigid_motions_have_the_same_energy(tmp_path, p, kind):
-    """Translations and turns are of first degree along the axis, their energy of second."""
+    """Translations and rotations are linear along the axis, so their energy is quadratic."""
     masses = []
     for share in (0.0, 0.5, 1.0):
         bar = model(tmp_path, 1, definition(p, share, kind))
@@ -85,13 +85,13 @@ def test_rigid_motions_have_the_same_energy(tmp_path, p, kind):
     assert masses[0][0] == pytest.approx(RHO * 0.01 * L)
 
 
-def test_all_of_it_at_lobatto_nodes_is_a_diagonal_mass(tmp_path):
+def test_the_whole_mass_at_lobatto_nodes_is_diagonal(tmp_path):
     bar = model(tmp_path, 1, definition(4, 1.0))
     M = mass_matrix(bar.meshes["bar"].classes[0].sampler)
     np.testing.assert_allclose(M, np.diag(np.diag(M)), atol=1e-16)
 
 
-def test_two_points_would_give_a_turning_bar_more_mass():
+def test_two_points_would_increase_the_inertia_of_a_rotating_bar():
     spec = ElementDefinition("mine", ("1", "x"), tuple(DefinitionNode(at, ("r", "theta")) for at in (0.0, 1.0)),
                              lobatto=0.5)
     (issue,) = element_issues(spec)
@@ -99,7 +99,7 @@ def test_two_points_would_give_a_turning_bar_more_mass():
 
 
 @pytest.mark.slow
-def test_motions_keep_their_energy_with_a_blended_mass(tmp_path):
+def test_motions_conserve_energy_with_a_blended_mass(tmp_path):
     solver = {"type": "dynamic", "t_end": 0.5, "dt": 0.005, "method": "radau9", "estimate": False}
     bar = model(tmp_path, 4, definition(3, 0.75), solver=solver,
                 boundary_conditions=[{"type": "pin", "at": "bar@0"}], loads=[{"type": "gravity", "value": [0, -9.81]}])

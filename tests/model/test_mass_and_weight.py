@@ -1,4 +1,4 @@
-"""Mass matrices and weights: total mass, kinetic energy of rigid motion, weight as the mass sees it."""
+"""Mass matrices and weights: total mass, kinetic energy of rigid motion, weight consistent with mass."""
 
 from types import SimpleNamespace
 
@@ -81,7 +81,7 @@ def test_mass_matrix_is_symmetric_and_positive(name):
 
 @pytest.mark.parametrize("geometry", helpers.GEOMETRIES)
 @pytest.mark.parametrize("name", helpers.TYPES)
-def test_weight_is_what_the_mass_matrix_says_of_a_uniform_acceleration(name, geometry):
+def test_weight_is_the_mass_matrix_times_a_uniform_acceleration(name, geometry):
     mesh = mesh_of(name, helpers.GEOMETRIES[geometry], 2)
     sampler, nc = mesh.classes[0].sampler, mesh.plan.element.components
     ones = np.zeros(mesh.plan.element.n_dof)
@@ -92,7 +92,7 @@ def test_weight_is_what_the_mass_matrix_says_of_a_uniform_acceleration(name, geo
 
 @pytest.mark.parametrize("name", ["vallejo", "cable"])
 def test_the_inertia_of_a_point_mass_between_the_nodes_of_an_arc_turns_with_its_section(name):
-    """The interpolated direction is no unit vector there."""
+    """The interpolated direction there is not a unit vector."""
     bodies = {"b": helpers.body(helpers.ARC, helpers.element(name, 1))}
     model = helpers.build(bodies, bc=[{"type": "clamp", "at": "b@0"}])
     _, term = mass_terms(SimpleNamespace(mass=2.0, inertia=0.7), point_ref(model.meshes["b"], 0.31))

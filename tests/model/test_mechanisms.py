@@ -1,4 +1,4 @@
-"""Rigid motions that nothing holds are found before solving and named; what is held is not refused."""
+"""Rigid motions that nothing prevents are found before solving and named; supported models are not refused."""
 
 import helpers
 import pytest
@@ -61,12 +61,12 @@ def test_mechanisms_are_refused_with_one_sentence_per_motion(name, bc, joints, s
         ([CLAMP, PIN1], [HINGE], True),
     ],
 )
-def test_what_is_held_is_not_refused(name, bc, joints, second):
+def test_supported_models_are_not_refused(name, bc, joints, second):
     scene(name, bc, joints, second=second)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_springs_hold(name):
+def test_springs_prevent_mechanisms(name):
     spring = {"type": "rotational", "between": ["a@1", "b@0"], "stiffness": 2.0}
     scene(name, [CLAMP], [HINGE], [spring], second=True)
     lift = {"type": "translational", "between": ["a@1", [1.0, 1.0]], "stiffness": 2.0}
@@ -85,7 +85,7 @@ def test_a_rotation_is_named_with_its_pole_and_a_translation_with_its_direction(
         scene("vallejo", [CLAMP], [HINGE], second=True)
 
 
-def test_pole_of_two_rollers_is_where_their_normals_meet():
+def test_the_pole_of_two_rollers_is_the_intersection_of_their_normals():
     bc = [{"type": "roller", "at": "a@0", "fixed": "y"}, {"type": "roller", "at": "a@1", "normal": [1, 1]}]
     with pytest.raises(CaseError, match=r"'a' is free to turn about \(0, -1\)"):
         scene("reissner3", bc)
@@ -102,8 +102,8 @@ def test_arc_on_rollers_towards_its_centre_is_a_mechanism():
 
 
 @pytest.mark.parametrize("end", [[0.097, 0.0262], [0.3, 0.1], [0.1, 0.4]])
-def test_a_torsion_spring_within_a_rigid_body_holds_nothing(end: list[float]) -> None:
-    """What round-off leaves of its stiffness is no support: the bar turned by 1e33 rad."""
+def test_a_torsion_spring_within_a_rigid_body_prevents_nothing(end: list[float]) -> None:
+    """The round-off of its stiffness is no support: the bar would turn by 1e33 rad."""
     bar = {"geometry": {"type": "line", "start": [0.182, 0.031], "end": end}, "element": {"type": "rigid"}}
     spring = {"type": "rotational", "between": ["a@0.25", "a@0.5"], "stiffness": 0.015}
     with pytest.raises(CaseError, match="'a' is free to turn about"):
@@ -111,7 +111,7 @@ def test_a_torsion_spring_within_a_rigid_body_holds_nothing(end: list[float]) ->
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_closing_a_ring_resists_no_rotation(name):
+def test_closing_a_ring_prevents_no_rotation(name):
     # where a gradient of the closing section has a component of zero, the rate of the other one is round-off alone
     circle = {"type": "curve", "x": "cos(2*pi*s)", "y": "sin(2*pi*s)", "closed": True}
     bodies = {"a": helpers.body(circle, helpers.element(name, 16))}

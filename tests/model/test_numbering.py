@@ -1,4 +1,4 @@
-"""Which unknowns meet, and their order."""
+"""Coupled unknowns and their order."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from ancf2d.model.numbering import meeting
 
 
-def test_unknowns_meet_that_are_in_a_row_together_and_each_meets_itself() -> None:
+def test_unknowns_of_one_row_are_coupled_and_each_with_itself() -> None:
     rng = np.random.default_rng(3)
     sets = [rng.integers(-1, 30, (6, 4)), np.array([[31, 2, 31]]), np.zeros((0, 5), dtype=np.int64)]
     wanted = np.eye(33, dtype=bool)

@@ -1,4 +1,4 @@
-"""Loads that turn, and springs: derivatives, resultants, potentials."""
+"""Turning loads and springs: derivatives, resultants, potentials."""
 
 import helpers
 import numpy as np
@@ -161,7 +161,7 @@ def test_springs_pull_by_the_gradient_of_their_energy_with_its_hessian(name, geo
     assert helpers.patch_at(model, patch, d, 1.0)[0] > 0
 
 
-def test_springs_are_relaxed_in_the_reference_unless_told_otherwise():
+def test_springs_are_relaxed_in_the_reference_by_default():
     zero = np.zeros(9)
     for spring in (
         {"type": "translational", "between": ["b@1", [2.0, 0.3]]},

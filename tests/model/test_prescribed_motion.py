@@ -1,4 +1,4 @@
-"""What loads and prescribed motions of a dynamic case follow, and motions that no body can follow."""
+"""Signals of loads and prescribed motions of a dynamic case, and impossible motions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DYNAMIC = {"type": "dynamic", "t_end": 2.0, "dt": 0.01}
 
 
 def problems_of(loaded: LoadedCase) -> list[Problem]:
-    """Return why no model can be built of a case."""
+    """Return the problems of building the model of a case."""
     try:
         build_model(loaded)
     except CaseError as error:
@@ -30,7 +30,7 @@ def problems_of(loaded: LoadedCase) -> list[Problem]:
 
 
 def motion(bodies: dict[str, Any] = BAR, **given: Any) -> dict[str, Any]:
-    """Return a dynamic scene whose end is moved."""
+    """Return a dynamic scene with a prescribed motion of its end."""
     return {"bodies": bodies, "solver": DYNAMIC, "bc": [{"name": "hand", "type": "prescribed", "at": "b@0", **given}]}
 
 
@@ -54,7 +54,7 @@ def test_prescribed_positions_displacements_and_angles_are_signals_from_the_refe
         assert found["uy"] == found["rotation"] == Signal(Sine(frequency=0.5))
 
 
-def test_a_number_is_the_place_at_all_times() -> None:
+def test_a_number_is_the_position_at_all_times() -> None:
     model = helpers.build(**motion(x=1.0, y=-0.5, angle=0.0))
     assert moved(model) == {"x": Signal(None, 1.0, -1.0), "y": Signal(None, -0.5, 0.5), "rotation": Signal(None, 0.0)}
     assert [s(t) for s in moved(model).values() for t in (0.0, 0.7)] == [0.0] * 6
@@ -89,7 +89,7 @@ REFUSED = [
 
 @pytest.mark.parametrize("bodies", [BAR, FLAT], ids=["theta", "direction"])
 @pytest.mark.parametrize(("given", "key", "words"), REFUSED)
-def test_motions_that_tear_a_body_are_refused_at_their_entry(
+def test_contradictory_motions_of_a_body_are_refused_at_their_entry(
         bodies: dict[str, Any], given: dict[str, Any], key: str, words: str) -> None:
     problems = problems_of(helpers.load(**motion(bodies, **given)))
     (problem,) = problems
@@ -102,24 +102,24 @@ def test_motions_that_tear_a_body_are_refused_at_their_entry(
     {"x": formula("1 + abs(t - 1) - 1")}, {"ux": {"type": "ramp", "t0": 0, "t1": 1}},
     {"angle": formula("t if t < 1 else 1")}, {"uy": formula("0 if t < 2.5 else 1")},
 ])
-def test_corners_and_jumps_after_the_end_are_no_problem(given: dict[str, Any]) -> None:
+def test_corners_and_jumps_after_the_end_are_allowed(given: dict[str, Any]) -> None:
     assert problems_of(helpers.load(**motion(**given))) == []
 
 
 @pytest.mark.parametrize("start", ["static", "before.h5"])
-def test_a_motion_from_another_state_may_begin_elsewhere(start: str) -> None:
+def test_a_motion_from_another_state_may_start_elsewhere(start: str) -> None:
     scene = {**motion(x=1.5), "initial": {"from": start}}
     assert problems_of(helpers.load(**scene)) == []
 
 
-def test_what_is_held_twice_must_agree_until_the_end() -> None:
+def test_redundant_prescribed_motions_must_agree_until_the_end() -> None:
     scene = motion(ux=formula("t if t > 1.7 else 0.5*abs(t) - 0.5*t"))
     scene["bc"].append({"name": "wall", "type": "pin", "at": "b@0"})
     messages = [p.message for p in problems_of(helpers.load(**scene))]
     assert any("contradicts" in m for m in messages)
 
 
-def test_static_motions_may_begin_with_a_step_but_positions_start_where_the_body_is() -> None:
+def test_static_motions_may_start_with_a_step_but_positions_start_at_the_body() -> None:
     step = {"type": "constant", "scale": 0.1}
     assert problems_of(helpers.load(**{**motion(ux=step, uy=step, angle=step), "solver": "static"})) == []
     scene = motion(ux=step, y={"type": "constant"}, angle=0.1)

@@ -1,4 +1,4 @@
-"""Rigid bodies: mass in natural coordinates, what is kept, what is refused, and the order of multipliers."""
+"""Rigid bodies: mass in natural coordinates, constraints, refusals, and the order of multipliers."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_a_bent_body_has_its_mass_and_inertia_about_their_common_centre(inertia)
 
 @pytest.mark.parametrize("angle", [0.0, 1.0, -2.5, 8.0])
 @pytest.mark.parametrize("geometry", [None, BENT])
-def test_lengths_and_corners_are_kept_by_rigid_motion_and_nothing_else(geometry, angle):
+def test_only_rigid_motion_keeps_lengths_and_corners(geometry, angle):
     model = model_of(rigid(geometry))
     d = helpers.rotate(np.zeros(model.n_q), model, angle, (0.3, 0.2))
     # of the pieces of one body, that keep their angles and the ratio of their lengths, one length is enough
@@ -101,7 +101,7 @@ def test_lengths_and_corners_are_kept_by_rigid_motion_and_nothing_else(geometry,
     assert np.linalg.matrix_rank(seen, tol=1e-9) == model.n_q - 3
 
 
-def test_a_rigid_body_is_one_element_per_piece_whatever_its_count():
+def test_a_rigid_body_is_one_element_per_piece_for_any_count():
     assert model_of(rigid(count=7)).meshes["b"].plan.count == 1
     assert model_of(rigid(BENT, count=7)).meshes["b"].plan.count == 2
 
@@ -117,13 +117,13 @@ def test_rigid_bodies_have_no_strain_and_no_group():
     (rigid(quadrature=[2, 2]), "quadrature has no effect"),
     (rigid(formulation="cable"), "formulation has no effect"),
 ])
-def test_what_a_rigid_body_cannot_have_is_refused(body, word):
+def test_options_without_meaning_for_rigid_bodies_are_refused(body, word):
     with pytest.raises(CaseError, match=word):
         model_of(body)
 
 
 @pytest.mark.parametrize("hold", [None, "all", "section"])
-def test_a_clamp_holds_all_of_a_bar(hold):
+def test_a_clamp_fixes_the_whole_bar(hold):
     clamp = {"type": "clamp", "at": "b@0", **({"hold": hold} if hold else {})}
     model = model_of(rigid(), bc=[clamp])
     assert model.numbering.n_unknowns == 0
@@ -134,7 +134,7 @@ def test_a_clamp_holds_all_of_a_bar(hold):
     assert not model.warnings
 
 
-def test_mechanisms_see_that_a_bar_does_not_stretch_but_turns():
+def test_mechanisms_of_a_bar_are_rotations_without_stretch():
     with pytest.raises(CaseError, match=r"'b' is free to turn about \(0, 0\)"):
         model_of(rigid(BENT), springs=[])
     spring = {"type": "translational", "between": ["b@0.2", "b@0.9"], "stiffness": 3.0}
@@ -142,7 +142,7 @@ def test_mechanisms_see_that_a_bar_does_not_stretch_but_turns():
         model_of(rigid(helpers.line(2.0, 0.3)), springs=[spring])
 
 
-def test_a_bar_that_supports_hold_at_both_ends_does_not_carry_its_length_twice():
+def test_a_bar_supported_at_both_ends_drops_its_length_constraint():
     model = model_of(rigid(), bc=[*PIN, {"type": "pin", "at": "b@1"}])
     assert not model.constraints
     assert any("redundant: the length of b" in w for w in model.warnings)
@@ -152,14 +152,14 @@ def test_a_bar_that_supports_hold_at_both_ends_does_not_carry_its_length_twice()
     [{"type": "pin", "at": "b@1"}], [{"type": "fix", "at": "b@1", "coordinates": ["x", "y"]}],
     [{"type": "roller", "at": "b@0.5", "normal": [0, 1]}],
 ])
-def test_what_moves_all_of_a_bar_contradicts_what_else_holds_it(more):
+def test_a_prescribed_motion_of_a_whole_bar_contradicts_other_supports(more):
     moved = {"type": "prescribed", "at": "b@0", "ux": 0.0, "uy": 0.1, "angle": 0.3, "name": "drive"}
     with pytest.raises(CaseError, match=r"contradicts other supports or joints \(.*drive"):
         model_of(rigid(), "linear_static", springs=[], bc=[moved, {**more[0], "name": "held"}])
 
 
-def test_a_support_that_follows_what_moves_a_bar_holds_it_twice():
-    """To first order, the end of a bar of length 2 goes up by twice its angle."""
+def test_a_support_that_agrees_with_the_motion_of_a_bar_is_redundant():
+    """To first order, the end of a bar of length 2 rises by twice its angle."""
     moved = {"type": "prescribed", "at": "b@0", "ux": 0.0, "uy": 0.0, "angle": 0.3}
     follows = {"type": "prescribed", "at": "b@1", "uy": 0.6}
     model = model_of(rigid(helpers.line(2.0)), "linear_static", springs=[], bc=[moved, follows])
@@ -167,8 +167,8 @@ def test_a_support_that_follows_what_moves_a_bar_holds_it_twice():
     assert any("redundant" in w for w in model.warnings)
 
 
-def test_bars_that_hold_one_point_from_both_sides_are_held_twice_in_linear_statics():
-    """Bars from (0, 0) and (2, 0) to (1, 0) both keep it from moving along x; a spring gives way along y."""
+def test_collinear_bars_to_one_point_are_redundant_in_linear_statics():
+    """Bars from (0, 0) and (2, 0) to (1, 0) both fix its x; a spring acts along y."""
     bodies = {"a": rigid(helpers.line(1.0)), "b": rigid(helpers.line(1.0, start=(1.0, 0.0)))}
     scene = {"bc": [{"type": "pin", "at": "a@0"}, {"type": "pin", "at": "b@1"}],
              "joints": [{"type": "pin", "between": ["a@1", "b@0"]}],
@@ -181,7 +181,7 @@ def test_bars_that_hold_one_point_from_both_sides_are_held_twice_in_linear_stati
     assert len(helpers.build(bodies, "static", **scene).constraints) == 2
 
 
-def test_a_bar_that_is_moved_at_both_ends_keeps_its_constraint():
+def test_a_bar_moved_at_both_ends_keeps_its_length_constraint():
     moved = {"type": "prescribed", "at": "b@1", "ux": 0.1, "uy": 0.0}
     assert len(model_of(rigid(), bc=[*PIN, moved]).constraints) == 1
 
@@ -201,8 +201,8 @@ def chain(solver):
 
 
 @pytest.mark.parametrize("solver", [DYNAMIC, "static"], ids=["motion", "static"])
-def test_every_multiplier_stands_behind_all_its_coordinates(solver):
-    """Then LDL^T without row exchanges has a pivot of the right sign everywhere, whatever stiffness there is."""
+def test_every_multiplier_follows_all_its_coordinates(solver):
+    """Then LDL^T without row exchanges has pivots of the right sign for any stiffness."""
     model = chain(solver)
     num = model.numbering
     for k, c in enumerate(model.constraints):
@@ -227,7 +227,7 @@ def test_every_multiplier_stands_behind_all_its_coordinates(solver):
         assert pivot * (1 if num.free[k] < model.n_q else -1) > 0
 
 
-def test_sliders_hold_the_distance_from_their_line():
+def test_sliders_constrain_the_distance_from_their_line():
     body = helpers.body(helpers.line(1.0, 0.3), helpers.element("vallejo", 2))
     through = [np.cos(0.3) - 6, np.sin(0.3) - 8]
     slider = {"type": "slider", "at": "b@1", "through": through, "along": [3, 4]}
@@ -273,15 +273,15 @@ def test_a_rigid_arc_has_the_mass_centre_and_inertia_of_an_arc():
     assert energy(0.6, -0.8, 1.5) == pytest.approx(0.5 * mass + 0.5 * about * 1.5**2, rel=1e-13)
 
 
-def test_round_off_does_not_decide_how_a_rigid_arc_is_divided():
-    """An arc of 1.5 rad, 15 stretches of 0.1 rad, has as many whatever its radius: derivatives need them alike."""
+def test_the_division_of_a_rigid_arc_does_not_depend_on_round_off():
+    """An arc of 1.5 rad has 15 pieces of 0.1 rad for any radius: derivatives need equal counts."""
     counts = {len(model_of(rigid({**RING, "from": 0.0, "to": 1.5, "radius": 1.0 + 1e-3 * k}, section=BAR)
                            ).meshes["b"].plan.pieces) for k in range(20)}
     assert counts == {15}
 
 
 @pytest.mark.parametrize("geometry", [RING, pytest.param(ELLIPSE, marks=pytest.mark.slow), SPLINE, PATH])
-def test_the_points_of_a_rigid_curve_keep_their_places_in_the_body(geometry):
+def test_the_points_of_a_rigid_curve_keep_their_positions_in_the_body(geometry):
     model = model_of(rigid(geometry, section=BAR, mass=3.0))
     turn = np.array([[np.cos(0.9), -np.sin(0.9)], [np.sin(0.9), np.cos(0.9)]])
     frame = model.e0.reshape(-1, 2)
@@ -320,7 +320,7 @@ def test_two_welded_halves_of_a_rigid_arc_are_one():
 
 
 @pytest.mark.parametrize("hold", [None, "section"])
-def test_a_clamp_holds_all_of_a_rigid_curve(hold):
+def test_a_clamp_fixes_the_whole_rigid_curve(hold):
     clamp = [{"type": "clamp", "at": "b@0.4", **({"hold": hold} if hold else {})}]
     model = model_of(rigid(RING, mass=1.0), bc=clamp, springs=[])
     assert model.numbering.n_unknowns == 0

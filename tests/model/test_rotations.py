@@ -1,4 +1,4 @@
-"""Rotation of a section: derivatives, full turns, small angles, and what is conjugate to it."""
+"""Rotation of a section: derivatives, full turns, small angles, and conjugate moments."""
 
 import helpers
 import numpy as np
@@ -77,8 +77,8 @@ def test_the_angle_is_conjugate_to_a_moment(name, geometry, s):
 
 
 @pytest.mark.parametrize("name", ELEMENTS)
-def test_what_a_node_has_for_a_coordinate_is_that_of_its_shape_functions(name):
-    """At a node, the derivative that is one of its coordinates is that of one shape function alone."""
+def test_nodal_derivatives_are_those_of_shape_functions(name):
+    """At a node, the derivative that is a coordinate there is that of one shape function alone."""
     mesh = rotation_at(name, "line", 0.0)[0].meshes["b"]
     element, shape = mesh.plan.element, mesh.classes[0].sampler.shape
     for node, coordinate in element.functionals:

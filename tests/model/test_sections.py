@@ -1,4 +1,4 @@
-"""Sections: rectangles, areas and stiffnesses say the same beam; what no rectangle can be is refused."""
+"""Sections: equivalent rectangles, areas and stiffnesses; impossible rectangles are refused."""
 
 import helpers
 import numpy as np
@@ -47,8 +47,8 @@ def test_area_and_second_moment_stand_for_their_rectangle(name):
 
 
 @helpers.every_small_variant
-def test_stiffnesses_say_the_same_beam_as_the_rectangle_they_come_from(name, formulation):
-    """Without Poisson's ratio, which stiffnesses do not know; the width of a square stands for any."""
+def test_stiffnesses_describe_the_same_beam_as_their_rectangle(name, formulation):
+    """Without Poisson's ratio, which stiffnesses do not contain; a square has any width."""
     k = 0.8
     square = {"height": H, "width": H}
     stiffness = {"EA": E * H * H, "kGA": k * E / 2 * H * H, "EI": E * H**4 / 12, "rhoA": RHO * H * H}
@@ -62,7 +62,7 @@ def test_stiffnesses_say_the_same_beam_as_the_rectangle_they_come_from(name, for
     np.testing.assert_allclose(tips[1], tips[0], rtol=1e-9)
 
 
-def test_what_no_rectangle_can_be_is_refused_by_types_with_a_body():
+def test_stiffnesses_of_no_rectangle_are_refused_by_types_with_a_section():
     good = {"EA": 1e4, "kGA": 4e3, "EI": 1.0, "rhoA": 2.0, "rhoI": 2e-4}
     plan("vallejo", good)
     with pytest.raises(CaseError, match="rhoI"):

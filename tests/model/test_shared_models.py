@@ -1,4 +1,4 @@
-"""Models that share meshes and classes of elements with a model of other numbers are those that are built afresh."""
+"""Models that share meshes and classes of elements with a model of other numbers equal models built afresh."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ SHARED = {"bodies.post.section.height.value.1": (4, 1), "bodies.post.section.hei
 
 
 def forces(model):
-    """Return what elements, loads, springs and masses of a model are made of, element by element."""
+    """Return the data of elements, loads, springs and masses of a model, element by element."""
     out = []
     for group in model.groups:
         law, parts = group.values.law, group.values.plan.parts
@@ -63,8 +63,8 @@ def base(case):
 
 
 @pytest.mark.parametrize("path", SHARED)
-def test_a_model_that_shares_is_one_built_afresh(case, base, path):
-    """Tables are the same to round-off: shape functions are scaled by the mean height. What differs is not shared."""
+def test_a_model_with_shared_parts_equals_one_built_afresh(case, base, path):
+    """To round-off, as shape functions are scaled by the mean height. Parts that differ are not shared."""
     assert base.groups
     variable = number_at(case, path)
     other = varied(case, variable, 1e-3 * abs(variable.value))
@@ -99,7 +99,7 @@ VARIANTS = [
 
 
 def outcome(loaded, like=None):
-    """Return what a run finds but for times, or why there is none, and its model."""
+    """Return the results of a run without times, or the reason for none, and its model."""
     try:
         found = run_case(loaded, like=like)
     except CaseError as error:
@@ -108,8 +108,8 @@ def outcome(loaded, like=None):
 
 
 @pytest.mark.slow
-def test_runs_like_others_find_the_same_bit_for_bit():
-    """Each variant takes what it has in common from the model of the one before, whatever differs between them."""
+def test_runs_with_shared_parts_are_the_same_bit_for_bit():
+    """Each variant takes common parts from the model of the previous one, whatever differs between them."""
     case = ancf2d.load(SCENE, {"solver.type": "linear_static", "bodies.post.element.count": 4})
     before, words = None, set()
     for sets in VARIANTS:

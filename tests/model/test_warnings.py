@@ -1,4 +1,4 @@
-"""What a user is told of a model that will run but may mislead."""
+"""Warnings of models that will run but may mislead."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def warnings(element: str, height: float, hold: str = "all") -> list[str]:
 
 @pytest.mark.parametrize("element", ["reissner3, quadrature: [2, 2]",
                                      "vallejo, formulation: structural, quadrature: [3, 2]"])
-def test_points_across_of_what_integrates_along_the_axis_are_told(element: str) -> None:
+def test_points_across_the_section_have_no_effect_in_axial_rules_and_give_a_warning(element: str) -> None:
     assert any("the points across have no effect" in said for said in warnings(element, 0.1))
     assert not any("the points across" in said for said in warnings(element.replace(", 2]", ", 1]"), 0.1))
 
@@ -39,18 +39,18 @@ def test_points_across_of_what_integrates_along_the_axis_are_told(element: str) 
 @pytest.mark.parametrize(("element", "thick", "thin"), [
     ("omar", 0.01, 0.001), ("2d2n", 0.1, 0.01), ("2d3n", 0.6, 0.1), ("li", 0.01, 0.001),
     ("2d3n-nu", 0.1, 0.01)])
-def test_elements_that_lock_when_long_beside_their_height_say_so(element: str, thick: float, thin: float) -> None:
+def test_slender_elements_that_lock_give_a_warning(element: str, thick: float, thin: float) -> None:
     assert not warnings(element, thick)
     (said,) = warnings(element, thin)
     assert "too stiff in bending" in said
 
 
 @pytest.mark.parametrize("element", ["vallejo", "reissner3", "cable", "kerkkanen"])
-def test_elements_without_such_a_bound_say_nothing(element: str) -> None:
+def test_elements_without_such_a_bound_give_no_warning(element: str) -> None:
     assert not warnings(element, 1e-5, "section")
 
 
-def test_a_section_clamp_that_leaves_the_warping_free_says_so() -> None:
+def test_a_section_clamp_that_leaves_warping_free_gives_a_warning() -> None:
     assert "leaves the warping coordinates" in warnings("ancf, order: [3, 3]", 0.1, "section")[0]
     assert not warnings("ancf, order: [3, 3]", 0.1, "breathe")
 
@@ -58,8 +58,8 @@ def test_a_section_clamp_that_leaves_the_warping_free_says_so() -> None:
 @pytest.mark.parametrize(("element", "off"), [
     ("type: patel, formulation: enhanced", "11.2"), ("type: ancf, order: [2, 2], formulation: enhanced", "11.2"),
     ("type: patel", None), ("type: omar", None), ("type: ancf, order: [3, 3]", None)])
-def test_a_short_body_whose_law_is_wrong_across_says_so(element: str, off: str | None) -> None:
-    """The coupling on the axis alone is escaped by a stretch along that varies with y^2."""
+def test_a_short_body_with_a_wrong_transverse_law_gives_a_warning(element: str, off: str | None) -> None:
+    """A longitudinal stretch that varies with y^2 escapes the coupling on the axis."""
     said = [w for w in warnings(element, 200.0, "breathe") if "transverse load" in w]
     assert len(said) == (off is not None)
     where = "under transverse load on a body as short as this, at nu = 0.3"
@@ -68,7 +68,7 @@ def test_a_short_body_whose_law_is_wrong_across_says_so(element: str, off: str |
 
 
 @pytest.mark.parametrize("element", ["2d2n", "2d3n", "2d2n-nu", "2d3n-nu"])
-def test_a_short_body_whose_neighbours_part_says_so(element: str) -> None:
+def test_a_short_body_with_nonconforming_elements_gives_a_warning(element: str) -> None:
     assert any("transverse load" in w for w in warnings(element, 2.5))
     assert not any("transverse load" in w for w in warnings(element, 1.5))
     one = CASE.replace("count: 8", "count: 1").format(element=f"type: {element}", height=2.5, hold="all")
@@ -84,7 +84,7 @@ def arc(element: str, formulation: str, count: int) -> helpers.Solution:
 
 
 @pytest.mark.parametrize(("element", "count"), [("omar", 3), ("omar", 5), ("vallejo", 3), ("vallejo", 5), ("li", 3)])
-def test_arcs_that_bend_too_stiffly_say_by_how_much(element: str, count: int) -> None:
+def test_arcs_that_bend_too_stiffly_report_the_error(element: str, count: int) -> None:
     """The end turns by M L/(E I), whatever the arc: formulation enhanced is too stiff only where its elements are."""
     out = arc(element, "enhanced", count)
     exact = 1e-9 * math.pi / 2 / out.model.meshes["b"].plan.section.EI
@@ -97,21 +97,21 @@ def test_arcs_that_bend_too_stiffly_say_by_how_much(element: str, count: int) ->
         assert "enhanced or" not in said[0]
 
 
-def test_the_advice_is_not_what_is_in_use_and_does_not_depend_on_the_arc() -> None:
+def test_the_advice_differs_from_the_choice_in_use_and_does_not_depend_on_the_arc() -> None:
     (straight,) = (w for w in warnings("vallejo, formulation: continuum", 0.1) if "too stiff" in w)
     (curved,) = (w for w in arc("vallejo", "continuum", 5).model.warnings if "too stiff" in w)
     assert "too stiff by 9.89 % at nu = 0.3. Use formulation enhanced or structural" in straight
     assert straight.split(": ")[1] == curved.split(": ")[1]
 
 
-def test_an_arc_too_wide_for_an_element_is_told() -> None:
+def test_an_arc_too_wide_for_an_element_gives_a_warning() -> None:
     assert any("rotates by 1.6 rad" in w for w in arc("vallejo", "enhanced", 1).model.warnings)
     assert not any("an element rotates by" in w for w in arc("vallejo", "enhanced", 2).model.warnings)
 
 
 @pytest.mark.parametrize(("nu", "rule", "soft"), [(1e-3, None, False), (0.0, None, False), (1e-3, [2, 2], True),
                                                   (0.0, [2, 2], True), (0.3, [2, 2], False)])
-def test_hidden_motions_that_nu_alone_makes_stiff_are_told(nu: float, rule: list[int] | None, soft: bool) -> None:
+def test_hidden_modes_stiffened_only_by_nu_give_a_warning(nu: float, rule: list[int] | None, soft: bool) -> None:
     """Of x^2 + nu y^2 and x^3, two points along see nothing but the part with nu: without it, modes below bending."""
     spec = helpers.element("2d2n-nu", 2, **({} if rule is None else {"quadrature": rule}))
     material = {"E": 1e7, "nu": nu, "rho": 1000.0}
@@ -128,7 +128,7 @@ def test_hidden_motions_that_nu_alone_makes_stiff_are_told(nu: float, rule: list
     ("omar", "exact", 0), ("2d2n", [3, 3], 0), ("cable", [5, 1], 0), ("reissner3", [3, 1], 0),
     ("kerkkanen", {"normal": [2, 2], "shear": [1, 2]}, 0)])
 @pytest.mark.parametrize("length", [0.5, 100.0])
-def test_a_rule_that_hides_motions_is_told_however_slender_the_element(element: str, rule: Any, hidden: int,
+def test_a_rule_with_hidden_modes_gives_a_warning_for_any_slenderness(element: str, rule: Any, hidden: int,
                                                                       length: float) -> None:
     """The numbers are dimensions of the null space of an element, less the three of rigid motion."""
     spec = helpers.element(element, 1, quadrature=rule, **({"formulation": "continuum"} if rule == "exact" else {}))
@@ -139,7 +139,7 @@ def test_a_rule_that_hides_motions_is_told_however_slender_the_element(element: 
 
 @pytest.mark.parametrize(("depth", "told"), [(0.03, True), (1e-4, False)])
 @pytest.mark.parametrize("bodies", [False, True])
-def test_a_law_that_presses_hard_from_the_start_is_told(depth: float, bodies: bool, told: bool) -> None:
+def test_initial_penetration_of_a_layer_gives_a_warning(depth: float, bodies: bool, told: bool) -> None:
     """A beam of 1 m begins so deep in the floor, or in another beam: by more than a hundredth of its length."""
     beam = helpers.body(helpers.line(1.0), helpers.element("reissner2", 4), {"height": 0.1, "width": 0.1},
                         {"E": 1e7, "nu": 0.3})
@@ -158,8 +158,8 @@ def test_a_law_that_presses_hard_from_the_start_is_told(depth: float, bodies: bo
 
 @pytest.mark.parametrize(("more", "side", "told"), [({}, "surface", True), ({}, "axis", False),
                                                     ({"section": {"height": 0.1, "width": 0.1}}, "surface", False)])
-def test_faces_of_a_rigid_bar_without_a_section_are_told(more: dict[str, Any], side: str, told: bool) -> None:
-    """It is taken to be a twentieth of its length high: its faces are a fortieth from the axis."""
+def test_faces_of_a_rigid_bar_without_a_section_give_a_warning(more: dict[str, Any], side: str, told: bool) -> None:
+    """Its assumed height is a twentieth of its length: its faces are a fortieth from the axis."""
     bar = {"geometry": helpers.line(2.0), "element": {"type": "rigid", "mass": 1, "inertia": 1}, **more}
     case = {"bodies": {"bar": bar}, "solver": {"type": "dynamic", "t_end": 1},
             "obstacles": {"floor": {"type": "half_plane", "through": [0, -1], "normal": [0, 1]}},

@@ -1,4 +1,4 @@
-"""Animations: as many frames as asked for, with still axes; refusals in words."""
+"""Animations: the requested number of frames, fixed axes, explained refusals."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_all_frames_show_the_same_part_of_the_plane(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_axes_stand_still_from_the_first_frame_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_axes_are_fixed_from_the_first_frame_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
 
     def noted(writer: PillowWriter, **options: object) -> None:
@@ -70,13 +70,13 @@ def test_labels_are_not_cut(tmp_path: Path) -> None:
     assert 0 < np.argmax(middle.min(axis=0) < 128) < 10
 
 
-def test_states_are_even_in_time_and_in_number_where_a_path_turns_back() -> None:
+def test_frames_are_even_in_time_or_in_number_if_a_path_turns_back() -> None:
     assert list(even_states(np.array([0.0, 0.1, 0.2, 0.9, 1.0]), 3)) == [0, 2, 4]
     assert list(even_states(np.array([0.0, 2.0, 1.0, 3.0, 4.0]), 3)) == [0, 2, 4]
     assert list(even_states(np.arange(3.0), 10)) == [0, 1, 2]
 
 
-def test_what_cannot_be_animated_is_said(tmp_path: Path) -> None:
+def test_results_without_animation_are_explained(tmp_path: Path) -> None:
     with open_results(bent_beam(tmp_path / "a.h5")) as results:
         with pytest.raises(ResultsError, match="history cannot be animated; shape, fields, modes can"):
             animate(results, tmp_path / "a.gif", "history")
@@ -88,7 +88,7 @@ def test_what_cannot_be_animated_is_said(tmp_path: Path) -> None:
             animate(results, tmp_path / "none" / "a.gif", "shape", length=2)
 
 
-def test_mp4_without_ffmpeg_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mp4_without_ffmpeg_is_explained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
     said = pytest.raises(ResultsError, match=r"ffmpeg.*write a \.gif")
     with open_results(bent_beam(tmp_path / "a.h5")) as results, said:
@@ -96,6 +96,6 @@ def test_mp4_without_ffmpeg_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.skipif(not FFMpegWriter.isAvailable(), reason="ffmpeg is not installed")
-def test_mp4_is_written_where_ffmpeg_is(tmp_path: Path) -> None:
+def test_mp4_is_written_with_ffmpeg(tmp_path: Path) -> None:
     with open_results(bent_beam(tmp_path / "a.h5")) as results:
         assert animate(results, tmp_path / "a.mp4", length=3).read_bytes()[4:8] == b"ftyp"

@@ -1,4 +1,4 @@
-"""Distances between the axes of the same bodies in different files: right, over S, refused where they mean nothing."""
+"""Distances between the axes of the same bodies in different files: correct, over S, refused if meaningless."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_the_axis_between_the_samples_is_that_of_the_shape_functions(tmp_path: P
 
 
 @pytest.mark.parametrize("kind", ["tangent", "interpolated", "theta"])
-def test_the_distance_of_two_circles_whatever_meshes_and_element_types(tmp_path: Path, kind: str) -> None:
+def test_the_distance_of_two_circles_for_any_meshes_and_element_types(tmp_path: Path, kind: str) -> None:
     one = beam(tmp_path, "one", kind, ne=300, angle=1.01)
     two = beam(tmp_path, "two", ne=40, angle=1.0)
     (axes,) = draw([one, two], "difference").axes
@@ -74,7 +74,7 @@ def test_the_distance_of_two_circles_whatever_meshes_and_element_types(tmp_path:
     assert np.isin(one.body("beam").arclength, s).all()
 
 
-def test_a_coarse_mesh_is_compared_within_its_elements_too(tmp_path: Path) -> None:
+def test_a_coarse_mesh_is_also_compared_within_its_elements(tmp_path: Path) -> None:
     one, two = beam(tmp_path, "one", "theta", ne=1, angle=1.0), beam(tmp_path, "two", ne=1, angle=1.0)
     s, apart = draw([one, two], "difference").axes[0].lines[0].get_xydata().T
     assert len(s) == 101
@@ -122,7 +122,7 @@ def test_the_data_are_the_distances_at_full_precision_and_round_off_is_not_drawn
     assert np.isnan(line.get_ydata()[0])
 
 
-def test_files_that_agree_are_said_to(tmp_path: Path) -> None:
+def test_agreeing_files_are_reported(tmp_path: Path) -> None:
     one, two = (beam(tmp_path, name, angle=1.0) for name in ("one", "two"))
     figure = draw([one, two], "difference")
     assert figure.legends[0].get_texts()[0].get_text() == "one, agrees to round-off"
@@ -130,7 +130,7 @@ def test_files_that_agree_are_said_to(tmp_path: Path) -> None:
     np.testing.assert_array_equal(figure.axes[0].lines[0].get_ydata(), 0.0)
 
 
-def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
+def test_incomparable_files_are_refused(tmp_path: Path) -> None:
     one = beam(tmp_path, "one")
     assert "needs two result files" in refusal(one)
     other = open_results(mechanism(tmp_path / "other.h5"))
@@ -146,7 +146,7 @@ def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
                                                                            state=1)
 
 
-def test_a_curved_reference_may_be_meshed_differently_but_not_curved_differently(tmp_path: Path) -> None:
+def test_a_curved_reference_may_have_another_mesh_but_not_another_shape(tmp_path: Path) -> None:
     fine, coarse = arch(tmp_path / "fine.h5", "theta", 12, 0.7), arch(tmp_path / "coarse.h5", "theta", 5, 0.7)
     hermitian = arch(tmp_path / "hermitian.h5", "tangent", 7, 0.7)
     figure = draw([fine, hermitian, coarse], "difference")

@@ -1,4 +1,4 @@
-"""Figures of fields and section forces show what was computed."""
+"""Figures of fields and section forces show the computed values."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def bent(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Results]:
 
 
 
-def test_supports_and_loads_stand_where_they_act(bent: Results) -> None:
-    """The clamp where the beam begins, the force at its moved tip, pointing down."""
+def test_supports_and_loads_are_drawn_where_they_act(bent: Results) -> None:
+    """The clamp at the start of the beam, the force at its moved tip, pointing down."""
     clamp, force = build(bent, "shape", scale=100).symbols
     tip = bent.displacement("beam", np.array([1.0]))[0]
     assert (clamp.kind, force.kind) == ("clamp", "force")
@@ -119,7 +119,7 @@ def test_rows_are_the_drawn_values(bent: Results) -> None:
     ({"field": "strain"}, "no field 'strain' .it has energy, stress; name those to store under output"),
     ({"field": "M"}, "along the axis only; draw it as section_forces"),
     ({"component": "zz"}, "no component 'zz' .it has xx, yy, xy, mises"), ({"state": 5}, "no state 5: it holds")])
-def test_wrong_fields_are_explained(bent: Results, options: dict[str, object], words: str) -> None:
+def test_unknown_fields_are_explained(bent: Results, options: dict[str, object], words: str) -> None:
     with pytest.raises(ResultsError, match=words):
         build(bent, "fields", **options)
 
@@ -133,8 +133,8 @@ def test_a_file_without_fields_says_how_to_store_them(tmp_path: Path) -> None:
 
 @pytest.mark.slow_rows("static")
 @pytest.mark.parametrize("solver", ["linear_static", "static"])
-def test_fields_that_are_not_stored_are_computed_from_the_states(tmp_path: Path, solver: str) -> None:
-    """They are what the run would have stored, in every state."""
+def test_fields_are_computed_from_states_if_not_stored(tmp_path: Path, solver: str) -> None:
+    """They are the fields that the run would have stored, in every state."""
     stored = CASE.replace("linear_static", solver)
     for name, text in (("stored", stored), ("bare", stored.replace("output: {fields: [energy, stress, N, Q, M]}", ""))):
         (tmp_path / f"{name}.yaml").write_text(text)
@@ -177,7 +177,7 @@ FALLING = HINGED.replace("  - {type: roller, at: a@0.7, normal: [1, 2]}\n", "")
     (FALLING + MOVING, 1e-5)], ids=["static", "linear_static", "dynamic"])
 def test_section_forces_of_motions_and_with_multipliers_are_computed_from_the_states(
         tmp_path: Path, text: str, rtol: float) -> None:
-    """The accelerations and multipliers that they need are found from displacements and rates."""
+    """The necessary accelerations and multipliers follow from displacements and rates."""
     stored = text.replace("output: {", "output: {fields: [N, Q, M], ") if "output" in text else (
         text + "\noutput: {fields: [N, Q, M]}")
     for name, case in (("stored", stored), ("bare", text)):
@@ -193,7 +193,7 @@ def test_section_forces_of_motions_and_with_multipliers_are_computed_from_the_st
         draw(b, "section_forces")
 
 
-def test_what_states_do_not_tell_is_not_offered(tmp_path: Path) -> None:
+def test_fields_that_states_do_not_determine_are_not_offered(tmp_path: Path) -> None:
     with StatesWithFields(mechanism(tmp_path / "a.h5")) as results:
         assert results.fields == {}  # its case cannot be read
 
@@ -230,7 +230,7 @@ output: {fields: [N, Q, M]}
 
 
 def test_section_forces_are_drawn_on_the_bodies(tmp_path: Path) -> None:
-    """A bracket under a force down at its tip: the arm is in tension above, the column on its left."""
+    """A bracket with a force down at its tip: the arm is in tension above, the column on its left."""
     (tmp_path / "a.yaml").write_text(BRACKET)
     run_case(load_case(tmp_path / "a.yaml", (), vocabulary()), str(tmp_path / "a.h5"))
     with open_results(tmp_path / "a.h5") as results:
@@ -261,7 +261,7 @@ def test_an_energy_density_is_never_drawn_negative(bent: Results) -> None:
 
 @pytest.mark.parametrize(("sides", "names"), [
     (["axis"], ["axis, from below"]), (["surface"], ["lower face"]), (["axis", "surface"], ["lower face and axis"])])
-def test_a_map_of_pressure_names_what_touches(sides: list[str], names: list[str], tmp_path: Path) -> None:
+def test_a_map_of_pressure_names_the_bodies_in_contact(sides: list[str], names: list[str], tmp_path: Path) -> None:
     case = {"format": 1, "bodies": {"b": {
                 "geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
                 "section": {"height": 0.02, "width": 0.05}, "material": {"E": 1e7, "nu": 0.3, "rho": 1000},
@@ -279,9 +279,9 @@ def test_a_map_of_pressure_names_what_touches(sides: list[str], names: list[str]
     assert [zone.name for zone in zones] == [f"b, {name}" for name in names]
 
 
-def test_a_map_of_pressure_says_where_nothing_touches() -> None:
+def test_a_map_of_pressure_says_so_without_contact() -> None:
     t, s = np.array([0.0, 1.0]), np.array([0.0, 1.0, 2.0])
-    for pressure, note in ((0.0, "nothing touches in any stored state"), (1.0, "")):
+    for pressure, note in ((0.0, "no contact in any stored state"), (1.0, "")):
         figure = Figure()
         face = Zone("beam, lower face", s, np.full((2, 3), pressure))
         Zones("Beam", ("t", "s"), "m", "N/m", t, [face]).render(figure)
@@ -289,8 +289,8 @@ def test_a_map_of_pressure_says_where_nothing_touches() -> None:
 
 
 @pytest.mark.slow
-def test_fields_that_a_material_has_none_of_are_not_advised(tmp_path: Path) -> None:
-    """Stress and strain of a material that relaxes are refused by the case, and so no advice; section forces are."""
+def test_fields_that_a_material_lacks_are_not_advised(tmp_path: Path) -> None:
+    """A case refuses stress and strain of a relaxing material, so only section forces are advised."""
     text = """\
 bodies:
   beam:
@@ -317,8 +317,8 @@ solver: {type: static}
 @pytest.mark.parametrize(("law", "words"), [
     ("viscoelastic: [{modulus: 0.5, time: 1}]", "stress is not available for a material that relaxes"),
     ("yield: 1e5", "output: fields: .stress. in the case stores it")])
-def test_a_file_says_how_to_store_fields_as_its_case_refuses_them(tmp_path: Path, law: str, words: str) -> None:
-    """Wherever the material stands: here in a layer."""
+def test_advice_on_fields_agrees_with_the_refusals_of_cases(tmp_path: Path, law: str, words: str) -> None:
+    """Wherever the material is: here in a layer."""
     text = f"""
 bodies:
   beam: {{geometry: {{type: line, start: [0, 0], end: [1, 0]}}, element: {{type: reissner3, count: 2}},

@@ -1,4 +1,4 @@
-"""What the figures show: the right data, labelled with units; which figures there are, and how they look."""
+"""Contents of the figures: the right data, labelled with units; available figures, and their style."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_load_deflection_shows_the_factor_over_the_displacements(tmp_path: Path)
     np.testing.assert_array_equal(lines["tip uy"][:, 1], results.probe_t)
 
 
-def test_a_quantity_that_is_round_off_is_not_drawn_unless_asked_for(tmp_path: Path) -> None:
+def test_a_quantity_of_round_off_is_drawn_only_on_request(tmp_path: Path) -> None:
     path = tmp_path / "a.h5"
     e0 = np.zeros(8)
     with ResultWriter(path, HEADER, [tangent_body("beam", 1, 1.0, 0.1)], e0) as w:
@@ -56,8 +56,8 @@ def test_a_quantity_that_is_round_off_is_not_drawn_unless_asked_for(tmp_path: Pa
     assert legend_texts(draw(results, "load_deflection", quantity="ux")) == ["mid ux"]
 
 
-def test_probes_without_displacements_are_drawn_where_they_are_asked_for(tmp_path: Path) -> None:
-    """Controllers show what they put out; reactions, which are named or alone, all they have."""
+def test_probes_without_displacements_are_drawn_on_request(tmp_path: Path) -> None:
+    """Controllers show their outputs; reactions, named or alone, show all components."""
     force, motor, e0 = {"fx": 2.0, "fy": 3.0}, {"output": 0.5, "x": 2.0}, np.zeros(8)
 
     def path(name: str, probes: dict) -> Path:
@@ -77,7 +77,7 @@ def test_probes_without_displacements_are_drawn_where_they_are_asked_for(tmp_pat
 
 @pytest.mark.parametrize("accuracy", [{}, {"value": 1.5, "estimate": 0.1}, {"value": 2.0, "estimate": 0.1}])
 def test_goals_over_windows_are_drawn_with_their_error(tmp_path: Path, accuracy: dict) -> None:
-    """The error is the estimated one of the goal, else what the stored times leave open."""
+    """The estimated error of the goal, or else that of the stored times."""
     window = {"of": "mid uy", "from": 0.2, "to": 0.8, "value": 1.5, "sampling": 0.3}
     other, e0 = {**window, "of": "tip uy"}, np.zeros(8)
     with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("beam", 1, 1.0, 0.1)], e0) as w:
@@ -93,7 +93,7 @@ def test_goals_over_windows_are_drawn_with_their_error(tmp_path: Path, accuracy:
 
 
 @pytest.mark.parametrize("count", [2, 100])
-def test_events_are_upright_lines_unless_there_are_very_many(tmp_path: Path, count: int) -> None:
+def test_events_are_vertical_lines_unless_there_are_very_many(tmp_path: Path, count: int) -> None:
     times, e0 = np.linspace(0.2, 0.8, count), np.zeros(8)
     with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("beam", 1, 1.0, 0.1)], e0) as w:
         for t in (0.0, 1.0):
@@ -107,8 +107,8 @@ def test_events_are_upright_lines_unless_there_are_very_many(tmp_path: Path, cou
 
 
 @pytest.mark.parametrize("count", [2, 100])
-def test_impacts_are_upright_lines_at_the_strongest(tmp_path: Path, count: int) -> None:
-    """The last ones are the strongest here."""
+def test_impacts_are_vertical_lines_at_the_strongest(tmp_path: Path, count: int) -> None:
+    """Here the last ones are the strongest."""
     times, e0 = np.linspace(0.2, 0.8, count), np.zeros(8)
     with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("beam", 1, 1.0, 0.1)], e0) as w:
         for t in (0.0, 1.0):
@@ -134,7 +134,7 @@ def test_history_has_a_panel_for_each_unit(tmp_path: Path) -> None:
     assert [line.get_label() for line in only.lines] == ["pin uy"]
 
 
-def test_lines_never_differ_in_colour_alone(tmp_path: Path) -> None:
+def test_lines_never_differ_only_in_colour(tmp_path: Path) -> None:
     figure = draw(opened(mechanism(tmp_path / "a.h5")), "history")
     lines = [line for axes in figure.axes for line in axes.lines]
     looks = {(line.get_marker(), str(line.get_linestyle()), str(line._dash_pattern))
@@ -155,7 +155,7 @@ def test_convergence_shows_the_errors_and_the_observed_orders(tmp_path: Path) ->
     assert figure.axes[0].get_xlabel() == "nodal coordinates"
 
 
-def test_an_error_of_zero_is_drawn_and_said(tmp_path: Path) -> None:
+def test_an_error_of_zero_is_drawn_and_noted(tmp_path: Path) -> None:
     results = opened(table_file(tmp_path / "a.h5", {"exact": 2000.0}, (1, 2, 4)))
     figure = draw(results, "convergence")
     assert "errors of zero are drawn at 1e-16" in figure.axes[0].get_title(loc="left")
@@ -172,7 +172,7 @@ def test_the_goal_itself_over_the_meshes(tmp_path: Path) -> None:
     assert axes.lines[0].get_label() == "2d2n"
 
 
-def test_files_with_one_type_each_go_by_their_names(tmp_path: Path) -> None:
+def test_files_with_one_type_each_are_labelled_by_their_names(tmp_path: Path) -> None:
     a, b = (opened(table_file(tmp_path / f"{n}.h5", {e: p})) for n, e, p in
             (("a", "2d2n", 2.0), ("b", "cable", 4.0)))
     assert legend_texts(draw([a, b])) == ["a (2d2n), order 2.0", "b (cable), order 4.0"]
@@ -183,7 +183,7 @@ def test_files_with_one_type_each_go_by_their_names(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("reference", "said"), [
     ("auto", "errors against each type's own limit"), (-0.5, "errors against -0.5")])
-def test_a_convergence_figure_says_what_errors_are_against(tmp_path: Path, reference: object, said: str) -> None:
+def test_a_convergence_figure_names_the_reference_of_its_errors(tmp_path: Path, reference: object, said: str) -> None:
     path = tmp_path / "a.h5"
     with ResultWriter(path, HEADER, [], np.zeros(0)) as w:
         w.table("convergence", {"element": ["cable"] * 2, "elements": [1, 2], "error": [1.0, 0.5]},
@@ -207,7 +207,7 @@ def test_the_observed_order_is_that_of_the_last_refinement_before_round_off(
     assert observed_order(n, np.array(errors)) == pytest.approx(order, nan_ok=True)
 
 
-def test_formulations_of_one_type_are_told_apart(tmp_path: Path) -> None:
+def test_formulations_of_one_type_are_distinguished(tmp_path: Path) -> None:
     path = tmp_path / "a.h5"
     with ResultWriter(path, HEADER, [tangent_body("beam", 1, 1.0, 0.1)], np.zeros(8)) as w:
         w.table("convergence", {"element": ["2d2n"] * 4, "formulation": ["a", "b"] * 2,
@@ -225,17 +225,17 @@ def test_a_sensible_kind_is_chosen(tmp_path: Path) -> None:
     assert default_kind(opened(table_file(tmp_path / "c.h5", {"cable": 4.0}))) == "convergence"
 
 
-def test_the_list_says_what_a_file_lacks(tmp_path: Path) -> None:
+def test_the_list_says_which_data_a_file_lacks(tmp_path: Path) -> None:
     found = {k.name: k for k in list_kinds(opened(mechanism(tmp_path / "a.h5")))}
     assert list(found) == list(KINDS)
     assert found["shape"].missing == found["history"].missing == ""
-    assert "without a load factor" in found["load_deflection"].missing
+    assert "not over a load factor" in found["load_deflection"].missing
     assert "no convergence table" in found["convergence"].missing
     assert found["shape"].options == ("scale", "state", "symbols")
     assert all(k.doc for k in found.values())
 
 
-def test_a_difference_is_listed_where_there_are_files_to_compare(tmp_path: Path) -> None:
+def test_a_difference_is_listed_with_files_to_compare(tmp_path: Path) -> None:
     results = opened(bent_beam(tmp_path / "a.h5"))
     one, two = ({k.name: k.missing for k in list_kinds(results, files)} for files in (1, 2))
     assert one["difference"] == "it compares at least 2 files"
@@ -243,7 +243,7 @@ def test_a_difference_is_listed_where_there_are_files_to_compare(tmp_path: Path)
 
 
 @pytest.mark.parametrize(("value", "told"), [(0.0, True), (2.0, False)])
-def test_a_tornado_tells_what_numbers_that_are_zero_change_by(tmp_path: Path, value: float, told: bool) -> None:
+def test_a_tornado_names_the_change_of_numbers_that_are_zero(tmp_path: Path, value: float, told: bool) -> None:
     path = tmp_path / "s.h5"
     table = {"path": ["a", "b"], "value": [3.0, value], "derivative": [1.0, -1.0], "influence": [3.0, 2.0]}
     write_tables(path, HEADER, {"sensitivity": (table, {})}, (), {})
@@ -265,7 +265,7 @@ def test_every_kind_that_a_file_supports_can_be_drawn(tmp_path: Path) -> None:
     assert {"shape", "history", "convergence", "difference"} <= drawn
 
 
-def test_what_is_drawn_from_one_file_refuses_several(tmp_path: Path) -> None:
+def test_figures_of_one_file_refuse_several(tmp_path: Path) -> None:
     fit = tmp_path / "fit.h5"
     table = {"t": [0.0, 1.0], "data tip.uy": [0.0, 1.0], "model tip.uy": [0.0, 0.9]}
     write_tables(fit, HEADER, {"fitted": (table, {})}, (), {})
@@ -300,7 +300,7 @@ def test_a_title_with_dollar_signs_and_braces_is_shown_as_it_is(tmp_path: Path) 
 # ---------------------------------------------------------------------- looks
 
 
-def test_triangles_show_the_order_and_what_is_not_asymptotic_says_so(tmp_path: Path) -> None:
+def test_triangles_show_the_order_and_lines_without_one_say_so(tmp_path: Path) -> None:
     """The long side of a triangle is parallel to the line above it: its errors fall with that power."""
     table_file(tmp_path / "a.h5", {"2d2n": 2, "reissner3": 4})
     with opened(tmp_path / "a.h5") as results:
@@ -322,7 +322,7 @@ def test_triangles_show_the_order_and_what_is_not_asymptotic_says_so(tmp_path: P
         "2d2n, order 2.0, not asymptotic", "reissner3, order 4.0"]
 
 
-def test_short_steps_on_a_logarithmic_axis_have_few_numbers() -> None:
+def test_short_steps_on_a_logarithmic_axis_have_few_labels() -> None:
     curve = Curve("a", np.linspace(0, 1, 9), np.geomspace(1e-6, 1e-2, 9))
     axes = rendered(Curves("", "", [Panel(("time", "s"), ("step size", "s"), [curve], log=True)])).axes[0]
     assert axes.get_ylabel() == "step size [ms]"
@@ -331,7 +331,7 @@ def test_short_steps_on_a_logarithmic_axis_have_few_numbers() -> None:
 
 @pytest.mark.parametrize(("last", "unit", "factor"), [(2.0, "s", 1), (0.05, "ms", 1e3), (2e-5, "µs", 1e6),
                                                       (2e-8, "ns", 1e9)])
-def test_short_times_are_counted_in_a_unit_of_their_own(last: float, unit: str, factor: float) -> None:
+def test_short_times_have_a_smaller_unit(last: float, unit: str, factor: float) -> None:
     times = np.linspace(0, last, 5)
     figure = rendered(Curves("", "", [Panel(("time", "s"), ("uy", "m"), [Curve("a", times, times)])]))
     axes = figure.axes[0]
@@ -345,7 +345,7 @@ def test_short_times_are_counted_in_a_unit_of_their_own(last: float, unit: str, 
 
 
 @pytest.mark.parametrize(("value", "whole"), [(2.0, True), (0.02, False)])
-def test_equal_values_have_ticks_that_differ(value: float, whole: bool) -> None:
+def test_nearly_equal_values_have_distinct_tick_labels(value: float, whole: bool) -> None:
     t = np.linspace(0, 1, 9)
     curve = Curve("a", t, value * (1 + 1e-15 * np.cos(30 * t)))
     axes = rendered(Curves("", "", [Panel(("time", "s"), ("dt", "s"), [curve], whole=whole)])).axes[0]
@@ -363,7 +363,7 @@ def test_a_legend_of_very_many_lines_leaves_room_for_them() -> None:
 
 
 def test_long_lines_keep_a_few_markers() -> None:
-    """So that they can be told apart in grey too; each begins with another point."""
+    """So lines differ in grey too; each begins with another point."""
     t = np.linspace(0, 1, 1000)
     lines = rendered(Curves("", "", [Panel(("x", ""), ("y", ""), [Curve("a", t, t), Curve("b", t, t)])])).axes[0].lines
     marked = [line.get_markevery() for line in lines]
@@ -371,7 +371,7 @@ def test_long_lines_keep_a_few_markers() -> None:
     assert marked[0] != marked[1]
 
 
-def test_more_than_seven_bodies_differ(tmp_path: Path) -> None:
+def test_more_than_seven_bodies_have_distinct_styles(tmp_path: Path) -> None:
     bodies = [tangent_body(f"b{k}", 1, 1.0, 0.1, first=8 * k) for k in range(10)]
     e0 = np.concatenate([coordinates("tangent", np.array([k, k + 1.0]), 0.0) for k in range(10)])
     with ResultWriter(tmp_path / "a.h5", HEADER, bodies, e0) as w:
@@ -383,7 +383,7 @@ def test_more_than_seven_bodies_differ(tmp_path: Path) -> None:
     assert len(drawn) == len(looks) == 10
 
 
-def test_size_letters_and_dots_are_those_asked_for(tmp_path: Path) -> None:
+def test_size_font_and_resolution_are_those_requested(tmp_path: Path) -> None:
     sheet = tmp_path / "mine.mplstyle"
     sheet.write_text("axes.facecolor: 123456\n")
     look = Look(size=(5.0, 3.0), font_size=14, dpi=50, sheet=str(sheet))

@@ -1,4 +1,4 @@
-"""Pictures of modes: which are drawn, how large, what they are called, and the sections as they are."""
+"""Figures of modes: the modes drawn, their amplitude, their titles, and undistorted sections."""
 
 import itertools
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ def buckled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Results]:
         yield results
 
 
-def test_modes_are_what_an_eigen_file_is_drawn_as(modes: Results) -> None:
+def test_an_eigen_file_is_drawn_as_modes(modes: Results) -> None:
     assert default_kind(modes) == "modes"
     labels = [m.label for m in build(modes).modes]
     assert len(labels) == 12
@@ -47,7 +47,7 @@ def test_some_modes_can_be_chosen(modes: Results) -> None:
         build(modes, "modes", first=17)
 
 
-def test_bending_keeps_the_ends_and_moves_the_middle_by_the_wanted_share(modes: Results) -> None:
+def test_bending_keeps_the_ends_and_moves_the_middle_by_the_requested_share(modes: Results) -> None:
     body = build(modes, "modes", count=1).modes[0].bodies[0]
     moved = body.moved["axis"] - body.reference["axis"]
     np.testing.assert_allclose(moved[[0, -1], 1], 0.0, atol=1e-9)

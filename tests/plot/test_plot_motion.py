@@ -1,4 +1,4 @@
-"""Figures of dynamic runs: the energy balance, and how the steps went."""
+"""Figures of dynamic runs: the energy balance, and the steps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RNG = np.random.default_rng(3)
 
 def swinging(path: Path, *, states: int = 40, per_state: int = 25, probes: bool = False, drift: float = 1e-6,
              largest: float = 1e-2) -> Path:
-    """A dynamic run of kinetic energy 5 - 5 cos(t), whose balance is off by ``drift`` of its largest in the end."""
+    """A dynamic run with kinetic energy 5 - 5 cos(t), whose balance drifts to ``drift`` of its maximum."""
     with ResultWriter(path, {**HEADER, "solver": "dynamic"}, [tangent_body("beam", 2, 1.0, 0.1)],
                       coordinates("tangent", np.linspace(0, 1, 3), 0.0)) as w:
         for k in range(states + 1):
@@ -86,7 +86,7 @@ def test_fixed_steps_are_drawn_on_a_plain_axis(tmp_path: Path) -> None:
     assert not found.panels[0].log
 
 
-def test_what_tells_most_about_a_motion(tmp_path: Path) -> None:
+def test_the_default_figures_of_a_motion(tmp_path: Path) -> None:
     with open_results(swinging(tmp_path / "a.h5")) as r:
         assert plot.default_kind(r) == "energy"
     with open_results(swinging(tmp_path / "b.h5", probes=True)) as r:

@@ -1,4 +1,4 @@
-"""Figures and their data as files, the same bytes every time; no display unless asked for."""
+"""Figures and their data as files, reproducible to the byte; no display unless requested."""
 
 from __future__ import annotations
 
@@ -50,20 +50,20 @@ def test_an_unknown_suffix_names_the_known_ones(tmp_path: Path) -> None:
         save(figure, tmp_path / "none" / "a.png")
 
 
-def test_glyphs_that_the_font_lacks_are_no_failure(tmp_path: Path) -> None:
+def test_glyphs_missing_from_the_font_do_not_fail(tmp_path: Path) -> None:
     path = bent_beam(tmp_path / "a.h5", header={"title": "梁 beam"})
     save(draw(open_results(path)), tmp_path / "a.png")
 
 
 @pytest.mark.parametrize("kind", chosen(["shape", "load_deflection", "snapshots", "history"], ["shape"]))
-def test_dollar_signs_in_units_and_titles_are_no_formulas(tmp_path: Path, kind: str) -> None:
+def test_dollar_signs_in_units_and_titles_are_text(tmp_path: Path, kind: str) -> None:
     odd = "$\\frac{$"
     header = {"title": odd, "units": {"length": odd, "force": odd, "time": odd}}
     save(draw(open_results(bent_beam(tmp_path / "a.h5", header=header)), kind), tmp_path / "a.png")
 
 
 @pytest.mark.slow
-def test_names_of_files_that_are_no_utf_8_can_be_drawn(tmp_path: Path) -> None:
+def test_file_names_that_are_not_utf_8_can_be_drawn(tmp_path: Path) -> None:
     one, other = (bent_beam(tmp_path / f"{name}\udcff.h5", header={"title": ""}) for name in "ab")
     with open_results(one) as a, open_results(other) as b:
         for kind in ("shape", "load_deflection"):

@@ -77,7 +77,7 @@ def test_nodes_are_marked_where_they_are(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("angle", "note", "scale"), [
     (1.0, "load factor 1", 1.0), (0.9e-4, "displacements magnified 2000 times", 2000.0),
     (0.9e-9, "displacements magnified 2e+08 times", 2e8), (0.0, "load factor 1", 1.0)])
-def test_an_invisible_deflection_is_magnified_and_the_title_says_so(
+def test_an_invisible_deflection_is_magnified_with_a_note_in_the_title(
         tmp_path: Path, angle: float, note: str, scale: float) -> None:
     results = opened(bent_beam(tmp_path / "a.h5", angle=angle))
     figure = draw(results, "shape")
@@ -88,7 +88,7 @@ def test_an_invisible_deflection_is_magnified_and_the_title_says_so(
                                   results.nodes("beam", scale=scale))
 
 
-def test_a_chosen_magnification_is_used_and_said(tmp_path: Path) -> None:
+def test_a_chosen_magnification_is_used_and_noted(tmp_path: Path) -> None:
     results = opened(bent_beam(tmp_path / "a.h5", angle=0.1))
     figure = draw(results, "shape", scale=3)
     assert "magnified 3 times" in figure.axes[0].get_title(loc="left")
@@ -138,7 +138,7 @@ def test_files_are_overlaid_under_their_names(tmp_path: Path) -> None:
     assert list(bodies(draw([a, c], "shape"))) == [str(a.path), str(c.path)]
 
 
-def test_the_title_of_several_files_is_what_theirs_have_in_common(tmp_path: Path) -> None:
+def test_the_title_of_several_files_is_their_common_part(tmp_path: Path) -> None:
     def title(*titles: str) -> str:
         files = [opened(bent_beam(tmp_path / f"{i}.h5", header={"title": t}, steps=1)) for i, t in enumerate(titles)]
         return draw(files, "load_deflection").axes[0].get_title(loc="left")
@@ -152,7 +152,7 @@ def test_the_title_of_several_files_is_what_theirs_have_in_common(tmp_path: Path
     assert draw(files, "load_deflection", title="Own").axes[0].get_title(loc="left") == "Own"
 
 
-def test_outlines_that_coincide_are_all_seen(tmp_path: Path) -> None:
+def test_coinciding_outlines_are_all_visible(tmp_path: Path) -> None:
     figure = draw([opened(bent_beam(tmp_path / f"{i}.h5")) for i in range(5)], "shape")
     widths = [p.get_linewidth() for p in figure.axes[0].patches if p.get_label() in list("01234")]
     assert len(widths) == 5

@@ -1,4 +1,4 @@
-"""Figures of sweeps: which rows make a line, bins that count all samples, bars that are the shares."""
+"""Figures of sweeps: lines of rows, histograms of all samples, bars of shares."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_lines_are_the_combinations_of_all_other_values(combined: Results) -> No
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("b.h", "tip uy [m]")
 
 
-def test_keys_with_equal_ends_are_told_apart(tmp_path: Path) -> None:
+def test_keys_with_equal_ends_have_distinct_labels(tmp_path: Path) -> None:
     columns = {"loads.0.tension": [1.0, 2.0, 1.0, 2.0], "loads.1.tension": [3.0, 3.0, 4.0, 4.0], "tip uy": [0.0] * 4}
     results = swept(tmp_path / "s.h5", columns, ["loads.0.tension", "loads.1.tension"])
     panel, = build(results, "sweep", over="0.tension").panels  # type: ignore[attr-defined]
@@ -59,7 +59,7 @@ def test_keys_with_equal_ends_are_told_apart(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("what", "label"), [("tip.uy", "tip.uy"), ("(tip.uy - 0.15)^2 + (tip.ux + 0.05)^2",
                                                                     "minimised")])
-def test_what_is_minimised_stands_beside_its_axis_where_it_has_room(tmp_path: Path, what: str, label: str) -> None:
+def test_the_objective_labels_its_axis_if_it_fits(tmp_path: Path, what: str, label: str) -> None:
     with ResultWriter(tmp_path / "o.h5", {"title": "Best"}, [], np.zeros(0)) as writer:
         writer.table("optimisation", {"evaluation": [1.0, 2.0], "minimised": [3.0, 2.0], "missed": [0.0, 0.0],
                                       "b.h": [0.1, 0.2]}, {"minimise": what})
@@ -70,7 +70,7 @@ def test_what_is_minimised_stands_beside_its_axis_where_it_has_room(tmp_path: Pa
     assert figure.legends[0].get_texts()[0].get_text() == what
 
 
-def test_lists_that_ran_together_make_one_line(tmp_path: Path) -> None:
+def test_paired_lists_make_one_line(tmp_path: Path) -> None:
     pairs = swept(tmp_path / "p.h5", {"b.h": [1.0, 2.0, 3.0], "b.E": [5.0, 4.0, 5.0], "tip uy": [1.0, 2.0, 3.0]},
                   ["b.h", "b.E"])
     line, = build(pairs).panels[0].curves  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""Supports, loads and gravity have symbols where and when they act."""
+"""Symbols of supports, loads and gravity where and when they act."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ loads: [{type: force, at: a@1, value: [3e7, 0]}, {type: moment, at: a@1, value: 
 """
 
 
-def test_everything_of_a_case_has_its_symbol(tmp_path: Path) -> None:
+def test_every_support_and_load_has_its_symbol(tmp_path: Path) -> None:
     body = tangent_body("a", 1, 2.0, 0.1)
     e0 = coordinates("tangent", np.array([0.0, 2.0]), 0.0)
     with ResultWriter(tmp_path / "a.h5", {**HEADER, "case_completed": EVERYTHING}, [body], e0) as w:
@@ -55,8 +55,8 @@ loads: [{type: force, at: a@1, value: [1, 0], active: {after: b > 1, until: b > 
 """
 
 
-def test_what_does_not_act_in_a_state_is_not_drawn(tmp_path: Path) -> None:
-    """Times are those of the case, those of conditions of the events; the page has them all."""
+def test_inactive_items_are_not_drawn(tmp_path: Path) -> None:
+    """Times are those of the case, those of conditions of the events; the page has all of them."""
     body = tangent_body("a", 1, 2.0, 0.1)
     e0 = coordinates("tangent", np.array([0.0, 2.0]), 0.0)
     events = [{"t": 0.5, "what": "loads.0 begins"}, {"t": 1.5, "what": "loads.0 ends"},
@@ -74,7 +74,7 @@ def test_what_does_not_act_in_a_state_is_not_drawn(tmp_path: Path) -> None:
         "pin": [None, 1], "spring": [1, 2], "force": [0.5, 1.5], "moment": [None, None]}
 
 
-def test_gravity_stands_beside_the_axes_and_within_the_figure(tmp_path: Path) -> None:
+def test_gravity_is_drawn_outside_the_axes_and_within_the_figure(tmp_path: Path) -> None:
     body = tangent_body("a", 1, 2.0, 0.1)
     e0 = coordinates("tangent", np.array([0.0, 2.0]), 0.0)
     case = "loads: [{type: gravity, value: [0, -9.81]}, {type: gravity, value: [1, 0]}]"

@@ -1,4 +1,4 @@
-"""A computation whose every step depends on the last bit of the one before, for tests of interruption."""
+"""A computation in which every step depends on the last bit of the one before, for tests of interruption."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Result files compared as numbers: round-off is silent, real changes are seen."""
+"""Comparison of result files: round-off is ignored, real changes are found."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_two_runs_of_one_case_agree(tmp_path: Path) -> None:
     assert comparison_text([], "a.h5", "b.h5") == "a.h5 and b.h5 agree"
 
 
-def test_round_off_in_an_entry_that_ought_to_be_zero_is_no_difference(tmp_path: Path) -> None:
+def test_round_off_of_zero_entries_is_no_difference(tmp_path: Path) -> None:
     a, b = pair(tmp_path)
     change(b, "states/d", (5, 0), 1e-13)  # the fixed end
     change(b, "probes/tip/ux", 0, 1e-13)
@@ -49,7 +49,7 @@ def test_round_off_in_an_entry_that_ought_to_be_zero_is_no_difference(tmp_path: 
     ("mesh/e0", 4), ("states/d", (3, 17)), pytest.param("states/d", (3, 18), marks=pytest.mark.slow), ("states/t", 2),
     pytest.param("probes/tip/uy", 4, marks=pytest.mark.slow), ("probes/tip/theta", 4),
     pytest.param("mesh/bodies/beam/lengths", 0, marks=pytest.mark.slow)])
-def test_a_change_of_1e_7_is_seen_where_it_is(tmp_path: Path, dataset: str, index: object) -> None:
+def test_a_change_of_1e_7_is_located(tmp_path: Path, dataset: str, index: object) -> None:
     a, b = pair(tmp_path)
     change(b, dataset, index, 1e-7)
     (found,) = compare_results(a, b)
@@ -72,7 +72,7 @@ def test_slopes_are_not_judged_by_the_scale_of_positions(tmp_path: Path) -> None
     assert compare_results(a, b) == []
 
 
-def test_the_difference_says_the_time(tmp_path: Path) -> None:
+def test_the_difference_names_the_time(tmp_path: Path) -> None:
     a, b = pair(tmp_path)
     change(b, "states/d", (3, 17), 1e-3)
     (found,) = compare_results(a, b)
@@ -88,7 +88,7 @@ def put(path: Path, values: dict[tuple[int, int], float]) -> None:
 
 
 @pytest.mark.parametrize("numbers", [1, 50, 1 << 17])  # blocks of one state, of two, of all
-def test_the_worst_entry_is_sought_in_all_states(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, numbers: int) -> None:
+def test_the_worst_entry_of_all_states_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, numbers: int) -> None:
     monkeypatch.setattr(series_module, "BLOCK", numbers)
     a, b = pair(tmp_path)
     # the first of two that are equally bad; one that is small beside the largest slope, which the last state has
@@ -156,7 +156,7 @@ def test_the_numbers_of_the_summary_are_compared(tmp_path: Path, edit: dict[str,
 
 
 @pytest.mark.parametrize("name", ["iterations", "steps", "rejected"])
-def test_counters_are_compared_where_everything_is(tmp_path: Path, name: str) -> None:
+def test_counters_are_compared_only_with_everything(tmp_path: Path, name: str) -> None:
     a, b = pair(tmp_path)
     set_summary(a, {name: 3})
     set_summary(b, {name: 4})
@@ -165,7 +165,7 @@ def test_counters_are_compared_where_everything_is(tmp_path: Path, name: str) ->
 
 
 def test_states_at_common_times_are_compared(tmp_path: Path) -> None:
-    """Load steps of 1/6 and of 1/9 share the thirds; what differs there is seen at its own time."""
+    """Load steps of 1/6 and of 1/9 share the thirds; a difference there is found at its own time."""
     a, b = (bent_beam(tmp_path / name, steps=steps) for name, steps in (("a.h5", 6), ("b.h5", 9)))
     with open_results(a) as one, open_results(b) as two:
         shown = [two.d(k) for k in (0, 3, 6, 9)]

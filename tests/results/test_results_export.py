@@ -1,4 +1,4 @@
-"""Results in other formats: what is written is what the result file holds, complete or not at all."""
+"""Results in other formats: complete, with the contents of the result file, or not written at all."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OMEGA = 3.0
 
 
 def turning(path: Path, kind: str, steps: int = 4) -> Path:
-    """Write a straight body that turns about the origin with OMEGA, with its velocities."""
+    """Write a straight body that rotates about the origin with OMEGA, with its velocities."""
     x = np.linspace(0, 2, 5)
     e0 = coordinates(kind, x, 0.0)
     with ResultWriter(path, {**HEADER, "solver": "dynamic"}, [BODIES[kind]("rod", 4, 2.0, 0.3)], e0) as w:
@@ -55,7 +55,7 @@ def grid(path: Path) -> h5py.Group:
 
 # ---------------------------------------------------------------------------- files
 
-def test_every_format_is_told_by_its_suffix_alone() -> None:
+def test_every_format_is_recognised_by_its_suffix() -> None:
     assert [format_of(f"a{suffix.upper()}").suffix for suffix in FORMATS] == list(FORMATS)
     for path, said in (("a.xdmf", f"unknown suffix '.xdmf' (known: {', '.join(FORMATS)})"), ("a", "no suffix")):
         with pytest.raises(ResultsError, match=re.escape(said)):
@@ -63,8 +63,8 @@ def test_every_format_is_told_by_its_suffix_alone() -> None:
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_a_file_is_replaced_by_force_only_and_by_a_complete_one_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                                                                     suffix: str) -> None:
+def test_a_file_is_replaced_only_with_force_and_only_by_a_complete_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                                       suffix: str) -> None:
     make = linear_model if suffix in (".npz", ".mat") else bent_beam
     source, path = make(tmp_path / "a.h5"), tmp_path / f"b{suffix}"
     path.write_text("mine")
@@ -86,7 +86,7 @@ def test_a_file_is_replaced_by_force_only_and_by_a_complete_one_only(tmp_path: P
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.h5", path.name]
 
 
-def test_what_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_results_that_a_format_cannot_hold_are_explained(tmp_path: Path) -> None:
     source = bent_beam(tmp_path / "a.h5")
     with pytest.raises(ResultsError, match=r"the folder '.*none' does not exist"):
         export(source, tmp_path / "none" / "a.csv")
@@ -120,7 +120,7 @@ def test_csv_of_probes_holds_the_numbers_bit_for_bit(tmp_path: Path, make, time:
     np.testing.assert_array_equal(np.array(rows[1:], float).T, wanted)
 
 
-def test_json_holds_everything_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_json_contains_all_small_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source = bent_beam(tmp_path / "a.h5")
     export(source, tmp_path / "a.json")
 
@@ -152,7 +152,7 @@ def test_json_holds_tables(tmp_path: Path) -> None:
 
 @KINDS
 def test_velocity_of_every_point_is_that_of_the_section(tmp_path: Path, kind: str) -> None:
-    """A rigid turn: v = OMEGA (-y, x) on axis and faces, whatever describes the section."""
+    """A rigid rotation: v = OMEGA (-y, x) on axis and faces, for any element type."""
     export(turning(tmp_path / "a.h5", kind), tmp_path / "a.vtkhdf")
     g = grid(tmp_path / "a.vtkhdf")
     x, v = g["Points"][()], g["PointData/velocity"][()]
@@ -162,7 +162,7 @@ def test_velocity_of_every_point_is_that_of_the_section(tmp_path: Path, kind: st
     np.testing.assert_allclose(u, x.reshape(-1, n, 3) - x[:n], rtol=0, atol=1e-15)
 
 
-def test_elements_have_fewer_samples_where_there_are_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_meshes_of_many_elements_have_fewer_samples_each(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source = bent_beam(tmp_path / "a.h5", ne=6)
     for most, along in ((48, 8), (47, 4), (12, 2), (11, 1), (1, 1)):
         monkeypatch.setattr(vtkhdf, "MOST_CELLS", most)
@@ -172,8 +172,8 @@ def test_elements_have_fewer_samples_where_there_are_many(tmp_path: Path, monkey
 
 
 @pytest.mark.parametrize(("states", "shares"), [(0, [0.2, 0.4, 0.6, 0.8, 1.0]), (2, [0.4, 0.8, 1.0]), (5, [1.0])])
-def test_states_are_in_their_places_however_many_are_written_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                                                                     states: int, shares: list[float]) -> None:
+def test_states_are_in_order_for_any_block_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                states: int, shares: list[float]) -> None:
     source, told = turning(tmp_path / "a.h5", "tangent"), []
     with open_results(source) as r:
         faces = [np.stack([r.faces("rod", i)[f] for f in ("bottom", "axis", "top")], 1) for i in range(5)]
@@ -191,7 +191,7 @@ def test_a_body_without_height_is_its_axis(tmp_path: Path) -> None:
 
 
 def test_fields_are_the_polynomials_through_their_stations(tmp_path: Path) -> None:
-    """Cubic along and quadratic across: exact between the stations; not a number on a body without the field."""
+    """Cubic along and quadratic across: exact between the stations; NaN on a body without the field."""
     bodies = [tangent_body("one", 3, 3.0, 0.2), theta_body("two", 1, 1.0, 0.2, first=16)]
     e0 = np.concatenate([coordinates(kind, np.arange(n + 1.0), 0) for kind, n in (("tangent", 3), ("theta", 1))])
     xi, eta = np.linspace(0, 1, 4), np.array([-0.7, 0.1, 0.9])
@@ -217,7 +217,7 @@ def test_fields_are_the_polynomials_through_their_stations(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("stations", [np.array([0.0, 0.5, 0.5]), np.empty(0)], ids=["two in one place", "none"])
-def test_stations_that_make_no_polynomial_are_damage(tmp_path: Path, stations: np.ndarray) -> None:
+def test_stations_without_an_interpolant_are_damage(tmp_path: Path, stations: np.ndarray) -> None:
     e0 = coordinates("tangent", np.arange(3.0), 0.0)
     record = FieldRecord("rod", "M", ("M",), "{F}*{L}", "", np.linspace(0, 1, 3), np.zeros(1))
     with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("rod", 2, 2.0, 0.1)], e0, fields=[record]) as w:
@@ -232,7 +232,7 @@ def test_stations_that_make_no_polynomial_are_damage(tmp_path: Path, stations: n
 
 
 def test_modes_are_displacements_from_the_state(tmp_path: Path) -> None:
-    """A turn of the whole body as a mode: faces move along the axis, the axis across."""
+    """A rotation of the whole body as a mode: faces move along the axis, the axis transversely."""
     x = np.linspace(0, 2, 5)
     e0 = coordinates("theta", x, 0.0)
     turn, shift = np.stack([0 * x, x, 1 + 0 * x], 1).ravel(), np.tile([1.0, 0.0, 0.0], 5)
@@ -261,15 +261,15 @@ def test_memory_does_not_grow_with_the_states(tmp_path: Path) -> None:
     assert peaks[1] < peaks[0] + 2 * one_state
 
 
-def test_an_unfinished_file_is_exported_as_far_as_it_goes(tmp_path: Path) -> None:
+def test_an_unfinished_file_is_exported_up_to_its_last_state(tmp_path: Path) -> None:
     bent_beam(tmp_path / "a.h5", finish=False)
     for suffix in set(FORMATS) - {".npz", ".mat"}:
         export(tmp_path / "a.h5.part", tmp_path / f"a{suffix}")
     assert grid(tmp_path / "a.vtkhdf")["Steps"].attrs["NSteps"] == 6
 
 
-def test_a_half_plane_is_shown_beside_the_bodies(tmp_path: Path) -> None:
-    """A program that fits all points into its window would show nothing but an endless line."""
+def test_a_half_plane_is_cut_to_the_size_of_the_bodies(tmp_path: Path) -> None:
+    """Viewers fit all points into the window: an endless line would hide the bodies."""
     text = """
 bodies:
   b: {geometry: {type: line, start: [2, 0], end: [3, 0]}, section: {EA: 1e4, kGA: 1e4, EI: 1},

@@ -1,4 +1,4 @@
-"""Fields over the bodies in the result file: what was put in comes out, also after an interruption, and is compared."""
+"""Fields over the bodies in the result file: written and read, also after an interruption, and compared."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def written(path: Path, change: float = 0.0) -> Path:
         return w.finish({})
 
 
-def test_fields_come_back_with_their_stations_components_and_units(tmp_path: Path) -> None:
+def test_fields_are_read_with_their_stations_components_and_units(tmp_path: Path) -> None:
     with open_results(written(tmp_path / "a.h5")) as results:
         stress = results.fields["be/am"]["stress"]
         assert (stress.components, stress.units) == (("xx", "yy", "xy"), "N/m^2")
@@ -61,7 +61,7 @@ def test_fields_come_back_with_their_stations_components_and_units(tmp_path: Pat
 
 
 @pytest.mark.parametrize("flushed", [True, False])
-def test_an_interrupted_run_goes_on_with_its_fields(tmp_path: Path, flushed: bool) -> None:
+def test_a_resumed_run_continues_its_fields(tmp_path: Path, flushed: bool) -> None:
     path, header = tmp_path / "b.h5", {**HEADER, "solver": "dynamic"}
     w = ResultWriter(path, header, [tangent_body("be/am", 2, 2.0, 0.1)], E0, fields=FIELDS)
     states(w, 0, 3)

@@ -1,4 +1,4 @@
-"""Killed at any moment: what is on disk is the last commit or the one before, never a part of one."""
+"""Kills at any moment: the file on disk is the last commit or the one before, never a part of one."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ KILLED = 9  # the exit code of a process that kill_at ended
 
 
 def dies(moment: int, action: Callable[[], object]) -> bool:
-    """Do something in a process that dies in the middle of its ``moment``-th change to a file; False if it survived."""
+    """Run a function in a process that dies in its ``moment``-th change to a file; False if it survived."""
     process = os.fork()
     if not process:
         try:
@@ -43,7 +43,7 @@ def dies(moment: int, action: Callable[[], object]) -> bool:
 
 
 def moments(part: Path, action: Callable[[], object]) -> Iterator[bool]:
-    """Do something in one process after the other, each of which dies at a later moment, up to one that survives.
+    """Run a function in processes, each of which dies at a later moment, until one survives.
 
     The file is as it was at first before each, and so is the writer, which belongs to this process.
     """
@@ -57,7 +57,7 @@ def moments(part: Path, action: Callable[[], object]) -> Iterator[bool]:
 
 
 def kill_at(moment: int) -> None:
-    """Let this process die in the middle of its ``moment``-th change to a file."""
+    """Kill this process in the middle of its ``moment``-th change to a file."""
     left, write, cut = [moment], os.pwrite, os.ftruncate
 
     def dying_write(descriptor: int, data: bytes, at: int) -> int:
@@ -91,7 +91,7 @@ def add(w: ResultWriter, i: int) -> None:
 
 
 def check_states(path: Path) -> int:
-    """Check that the states in a file are whole; return how many there are."""
+    """Check that the states in a file are complete; return their number."""
     with open_results(path) as r:
         np.testing.assert_array_equal(r.t, np.arange(r.nt))
         for i in np.unique(np.linspace(0, r.nt - 1, 30).astype(int)) if r.nt else ():
@@ -128,7 +128,7 @@ class Unjournaled(JournaledFile):
         return len(view)
 
 
-def test_plain_flushes_of_hdf5_would_leave_files_that_cannot_be_read(
+def test_plain_flushes_of_hdf5_would_leave_unreadable_files(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 1e9)
     monkeypatch.setattr(writer_module, "JournaledFile", Unjournaled)
@@ -157,8 +157,8 @@ def test_every_moment_of_the_first_commit_leaves_a_readable_file(
     assert set(outcomes) == {0, 3}
 
 
-def test_a_journal_that_is_damaged_is_not_read(tmp_path: Path,
-                                               monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_damaged_journal_is_not_read(tmp_path: Path,
+                                       monkeypatch: pytest.MonkeyPatch) -> None:
     w = grown(tmp_path / "a.h5", 3)
     add(w, 3)
     with monkeypatch.context() as patch:
@@ -176,7 +176,7 @@ def test_a_journal_that_is_damaged_is_not_read(tmp_path: Path,
             pytest.fail("a file was refused for the damaged journal behind it")
 
 
-def test_reads_see_what_waits_and_sizes_follow(tmp_path: Path) -> None:
+def test_reads_and_sizes_include_uncommitted_writes(tmp_path: Path) -> None:
     (tmp_path / "f").write_bytes(bytes(range(256)) * 40)
     reference = bytearray((tmp_path / "f").read_bytes())
     descriptor = os.open(tmp_path / "f", os.O_RDWR)
@@ -239,8 +239,8 @@ def test_a_process_that_is_killed_leaves_a_readable_file_or_none(tmp_path: Path)
     assert [p.suffix for p in left] == [".part"] * len(left)
 
 
-def test_what_a_killed_run_left_behind_the_last_commit_is_not_looked_at(tmp_path: Path) -> None:
-    """A heap of texts that never ends is damage where HDF5 would read it, and nothing beyond."""
+def test_data_behind_the_last_commit_of_a_killed_run_is_not_read(tmp_path: Path) -> None:
+    """A damaged heap of texts is damage where HDF5 would read it, and harmless behind the commit."""
     w = grown(tmp_path / "a.h5", 3)
     w.flush()
     left = tmp_path / "b.h5.part"

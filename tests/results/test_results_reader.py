@@ -1,4 +1,4 @@
-"""Reading what others wrote: damaged, foreign, newer and hostile files are refused in words."""
+"""Reading files from elsewhere: damaged, foreign, newer and hostile files are refused with an explanation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ancf2d.results.geometry import axis_values, body_faces, body_levels, body_r
 
 
 def everything(path: Path) -> None:
-    """Read all there is."""
+    """Read all data."""
     describe_text(describe(path))
     with open_results(path) as r:
         _ = r.bodies, r.probes, r.history, r.tables, r.summary, r.case_text, r.case_completed
@@ -57,7 +57,7 @@ def test_files_that_are_no_results_are_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("share", [0.01, 0.1, 0.3, 0.6, 0.9, 0.999])
-def test_a_truncated_file_is_said_to_be_cut_off(tmp_path: Path, share: float) -> None:
+def test_a_truncated_file_is_reported_as_cut_off(tmp_path: Path, share: float) -> None:
     path = bent_beam(tmp_path / "a.h5")
     content = path.read_bytes()
     path.write_bytes(content[:int(share * len(content))])
@@ -65,7 +65,7 @@ def test_a_truncated_file_is_said_to_be_cut_off(tmp_path: Path, share: float) ->
         open_results(path)
 
 
-def test_flipped_data_never_raise_anything_but_results_errors(tmp_path: Path) -> None:
+def test_flipped_bytes_raise_only_results_errors(tmp_path: Path) -> None:
     path = bent_beam(tmp_path / "a.h5")
     places: list[int] = []
 
@@ -167,7 +167,7 @@ def test_a_newer_format_says_so(tmp_path: Path) -> None:
         open_results(path)
 
 
-def test_unknown_groups_of_others_are_ignored(tmp_path: Path) -> None:
+def test_unknown_groups_are_ignored(tmp_path: Path) -> None:
     path = edited(tmp_path, lambda f: f.create_group("VTKHDF"))
     everything(path)
 
@@ -235,7 +235,7 @@ def test_blocks_are_the_rows_in_bounded_memory(tmp_path: Path, monkeypatch: pyte
             r.field_blocks("beam", "M")
 
 
-def test_an_open_file_stays_what_it_was_while_its_run_goes_on(tmp_path: Path,
+def test_an_open_file_does_not_change_while_its_run_continues(tmp_path: Path,
                                                               monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 0.0)
     e0 = coordinates("tangent", np.linspace(0, 1, 3), 0.0)
@@ -281,7 +281,7 @@ def test_whole_numbers_in_place_of_states_are_damage_that_names_them(tmp_path: P
 
 @pytest.mark.parametrize("kind", BODIES)
 @pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan, 1e308])
-def test_points_beyond_all_numbers_are_silent_and_leave_other_elements(kind: str, value: float) -> None:
+def test_points_that_overflow_are_silent_and_do_not_affect_other_elements(kind: str, value: float) -> None:
     body, e = BODIES[kind]("beam", 3, 2.0, 0.1), coordinates(kind, np.linspace(0, 2, 4), 0.3)
     v = np.random.default_rng(0).normal(size=len(e))
     per_node = len(e) // 4
@@ -334,7 +334,7 @@ def test_selected_elements_are_those_of_the_whole(tmp_path: Path) -> None:
 # ---------------------------------------------------------------------- info
 
 
-def test_info_says_what_is_in_a_file(tmp_path: Path) -> None:
+def test_info_lists_the_contents_of_a_file(tmp_path: Path) -> None:
     path = bent_beam(tmp_path / "a.h5")
     found = describe(path)
     assert found["bytes"] == path.stat().st_size
@@ -357,7 +357,7 @@ def test_info_of_an_unfinished_file_says_so(tmp_path: Path) -> None:
     assert "stopped" in text
 
 
-def test_info_says_what_a_path_or_motion_has_passed(tmp_path: Path) -> None:
+def test_info_lists_limit_points_and_events(tmp_path: Path) -> None:
     e0 = coordinates("tangent", np.array([0.0, 1.0]), 0.0)
     with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("b", 1, 1.0, 0.1)], e0) as w:
         w.append(1.0, 0 * e0, {})
@@ -383,7 +383,7 @@ def test_info_lists_tables(tmp_path: Path) -> None:
         assert np.isnan(r.tables["convergence"]["order"][0])
 
 
-def test_info_of_a_study_gives_no_size_of_a_mesh(tmp_path: Path) -> None:
+def test_info_of_a_study_has_no_mesh_size(tmp_path: Path) -> None:
     path = write_tables(tmp_path / "a.h5", HEADER, {"sweep": ({"height": [0.1, 0.2]}, {})}, (), {})
     text = describe_text(describe(path))
     assert "sweep: 2 rows of height" in text

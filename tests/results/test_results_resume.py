@@ -1,4 +1,4 @@
-"""Interrupted runs that go on: the file in the end is that of a run that was never interrupted."""
+"""Interrupted and resumed runs: the final file is that of an uninterrupted run."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ HERE = Path(__file__).parent
 
 
 def whole(path: Path, until: int = 30) -> Path:
-    """A run that was never interrupted."""
+    """A run without interruption."""
     w = begin(path, False)
     states(w, until)
     return w.finish({})
@@ -82,7 +82,7 @@ def test_rows_beyond_the_checkpoint_are_cut_off(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_every_moment_of_resuming_leaves_something_to_resume_from(tmp_path: Path,
                                                                   monkeypatch: pytest.MonkeyPatch) -> None:
-    """A process that dies while it takes up an old file, with bytes of the one before still behind its end."""
+    """A process that dies while it resumes an old file, with bytes of the previous one still behind its end."""
     monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 1e9)
     w = begin(tmp_path / "left.h5", False)
     states(w, 10, every=4)
@@ -105,8 +105,8 @@ def test_every_moment_of_resuming_leaves_something_to_resume_from(tmp_path: Path
     assert moments > 2
 
 
-def test_a_file_torn_in_a_commit_is_resumed_as_that_commit_left_it(tmp_path: Path,
-                                                                   monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_torn_in_a_commit_is_resumed_with_that_commit(tmp_path: Path,
+                                                             monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 1e9)
     w = begin(tmp_path / "a.h5", False)
     states(w, 5)
@@ -149,7 +149,7 @@ def test_another_version_or_mesh_is_not_resumed(tmp_path: Path) -> None:
         begin(tmp_path / "a.h5", True)
 
 
-def test_nothing_to_resume_from_is_said(tmp_path: Path) -> None:
+def test_nothing_to_resume_is_reported(tmp_path: Path) -> None:
     with pytest.raises(ResultsError, match="there is no"):
         begin(tmp_path / "a.h5", True)
     w = begin(tmp_path / "a.h5", False)
@@ -175,7 +175,7 @@ def test_a_checkpoint_that_does_not_fit_its_file_is_damage(tmp_path: Path) -> No
         begin(tmp_path / "a.h5", True)
 
 
-def test_values_of_a_checkpoint_come_back_bit_for_bit(tmp_path: Path) -> None:
+def test_values_of_a_checkpoint_are_read_bit_for_bit(tmp_path: Path) -> None:
     first = {"x": np.array([np.nan, -0.0, 1 / 3]), "n": np.array(2**62), "gone": np.ones(3), "a/b": np.ones((2, 3))}
     second = {"x": np.array([[np.inf], [5e-324]]), "n": np.array(-1), "none": np.zeros((0, 4)), "a/b": np.eye(2, 3),
               "on": np.array([True, False])}
@@ -199,7 +199,7 @@ def test_values_of_a_checkpoint_come_back_bit_for_bit(tmp_path: Path) -> None:
 
 
 def test_a_checkpoint_is_on_disk_with_its_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """However long a state takes, its own checkpoint is in the commit that first shows it."""
+    """The checkpoint is in the commit that first contains its state, however long states take."""
     monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 0.0)
     w = begin(tmp_path / "a.h5", False)
     for k in range(4):
@@ -248,7 +248,7 @@ def test_energies_are_compared(tmp_path: Path) -> None:
     assert found.dataset == "/energies/kinetic"
 
 
-def test_info_says_what_can_be_resumed_and_what_was(tmp_path: Path) -> None:
+def test_info_says_whether_a_run_can_be_or_was_resumed(tmp_path: Path) -> None:
     w = begin(tmp_path / "a.h5", False)
     states(w, 10, every=4)
     w.finish({}, "interrupted")
@@ -261,7 +261,7 @@ def test_info_says_what_can_be_resumed_and_what_was(tmp_path: Path) -> None:
     assert "resumable" not in text
 
 
-def test_info_says_what_touches_at_the_end(tmp_path: Path) -> None:
+def test_info_lists_contacts_at_the_end(tmp_path: Path) -> None:
     w = begin(tmp_path / "a.h5", False)
     states(w, 2)
     w.finish({"contacts": [
@@ -271,12 +271,12 @@ def test_info_says_what_touches_at_the_end(tmp_path: Path) -> None:
         {"name": "far", "force": [0.0, 0.0], "moment": 0.0, "length": 0.0, "from": None, "to": None}]})
     rows = [line.split(None, 1)[1] for line in describe_text(describe(w.path)).splitlines() if "contact " in line]
     assert rows == ["grip: force = (0, 2.5) N, at S = 0.25 to 0.5", "stop: force = (1, 0) N, at S = 1",
-                    "fold: pressing force = 3.5 N, at S = 0.2 to 0.7", "far: nothing touches at the end"]
+                    "fold: pressing force = 3.5 N, at S = 0.2 to 0.7", "far: no contact at the end"]
 
 
 @pytest.mark.slow
 def test_a_file_is_read_while_it_is_written(tmp_path: Path) -> None:
-    """Readers see one commit or the next, never a part of each, and go on seeing it."""
+    """Readers see one commit or the next, never a part of each, and can continue with it."""
     path, seen = tmp_path / "a.h5", set()
     paths = os.pathsep.join([str(HERE.parents[1]), str(HERE)])
     command = [sys.executable, str(HERE / "chaotic.py"), str(path), "0.01", "100_000"]
@@ -298,7 +298,7 @@ def test_a_file_is_read_while_it_is_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_kills_at_random_moments_and_the_run_is_finished_all_the_same(tmp_path: Path) -> None:
+def test_a_run_killed_at_random_moments_is_still_finished(tmp_path: Path) -> None:
     rng, path, until = random.Random(7), tmp_path / "a.h5", 40_000
     paths = os.pathsep.join([str(HERE.parents[1]), str(HERE)])
     reached = -1.0
@@ -324,8 +324,8 @@ def test_kills_at_random_moments_and_the_run_is_finished_all_the_same(tmp_path: 
 
 
 @pytest.mark.parametrize("error", [OSError("Input/output error"), KeyboardInterrupt()], ids=["disk", "interruption"])
-def test_what_was_reached_outlives_a_failure_to_take_it_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                                                           error: BaseException) -> None:
+def test_states_survive_a_failure_to_resume(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                            error: BaseException) -> None:
     w = begin(tmp_path / "a.h5", False)
     states(w, 8)
     w.finish({}, "interrupted")

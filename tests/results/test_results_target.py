@@ -1,4 +1,4 @@
-"""The place of a result file: only success replaces an earlier one, and nothing foreign is lost."""
+"""The path of a result file: only success replaces an earlier result, and foreign files are safe."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ def test_a_failed_run_without_states_leaves_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("unnamed", [True, False], ids=["unnamed file", "named file"])
-def test_nothing_but_the_part_is_ever_visible(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                                              unnamed: bool) -> None:
+def test_only_the_part_file_is_visible_during_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                    unnamed: bool) -> None:
     if not unnamed:
         monkeypatch.delattr(os, "O_TMPFILE")
     with start(tmp_path / "a.h5") as w:
@@ -85,7 +85,7 @@ def _umask() -> int:
     return mask
 
 
-def test_a_foreign_file_is_replaced_only_by_force(tmp_path: Path) -> None:
+def test_a_foreign_file_is_replaced_only_with_force(tmp_path: Path) -> None:
     path = tmp_path / "thesis.h5"
     path.write_text("years of work")
     with pytest.raises(ResultsError, match=r"not made by ancf2d.*--force"):
@@ -131,7 +131,7 @@ def test_a_folder_without_permission_is_explained(tmp_path: Path,
         start(tmp_path / "a.h5")
 
 
-def test_a_full_disk_is_a_results_error_and_keeps_what_was_flushed(
+def test_a_full_disk_is_a_results_error_and_keeps_flushed_data(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     w = start(tmp_path / "a.h5")
     w.append(0, np.zeros(12))
@@ -160,7 +160,7 @@ def test_a_second_run_on_the_same_target_is_refused(tmp_path: Path) -> None:
         assert r.nt == 1
 
 
-def test_what_a_killed_run_left_is_replaced(tmp_path: Path) -> None:
+def test_the_file_of_a_killed_run_is_replaced(tmp_path: Path) -> None:
     bent_beam(tmp_path / "a.h5", finish=False)
     bent_beam(tmp_path / "a.h5")
     assert os.listdir(tmp_path) == ["a.h5"]

@@ -1,4 +1,4 @@
-"""Exported bodies as VTK, which ParaView is made of, reads them back."""
+"""Exported bodies read with VTK, on which ParaView is based."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 
 class Read:
-    """A file as VTK reads it."""
+    """A file read with VTK."""
 
     def __init__(self, path: Path) -> None:
         self.reader = hdf.vtkHDFReader()
@@ -77,7 +77,7 @@ def test_every_step_is_the_body_of_that_state(tmp_path: Path, kind: str) -> None
 
 @pytest.mark.parametrize("kind", BODIES)
 def test_quadrilaterals_fill_the_section_and_a_polyline_is_the_axis(tmp_path: Path, kind: str) -> None:
-    """Of a straight body: areas add up to L h, all turned the same way; the axis is as long as the body."""
+    """Of a straight body: areas add up to L h, all with one orientation; the axis has the length of the body."""
     export(bent_beam(tmp_path / "a.h5", kind, ne=8, length=2.0, height=0.1), tmp_path / "a.vtkhdf")
     read = Read(tmp_path / "a.vtkhdf")
     grid = read.at(0.0)
@@ -94,7 +94,7 @@ def test_quadrilaterals_fill_the_section_and_a_polyline_is_the_axis(tmp_path: Pa
     assert np.linalg.norm(np.diff(bent, axis=0), axis=1).sum() == pytest.approx(2.0, rel=2e-3)
 
 
-def test_several_bodies_are_told_apart(tmp_path: Path) -> None:
+def test_several_bodies_are_distinguished(tmp_path: Path) -> None:
     source = mechanism(tmp_path / "a.h5", steps=5)
     export(source, tmp_path / "a.vtkhdf")
     read = Read(tmp_path / "a.vtkhdf")

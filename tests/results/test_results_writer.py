@@ -1,4 +1,4 @@
-"""What the writer stores: states to the last bit, with names, units and order, in few bytes."""
+"""Stored data: states to the last bit, with names, units and order, in few bytes."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def test_the_buffer_passed_in_may_be_reused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("flush", [0.0, 1e9], ids=["growing on disk", "exact at the end"])
-def test_every_dataset_says_its_units_and_meaning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                                                  flush: float) -> None:
+def test_every_dataset_has_units_and_a_description(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                   flush: float) -> None:
     monkeypatch.setattr(writer_module, "FLUSH_SECONDS", flush)
     with start(tmp_path / "a.h5", columns=[Column("gap", "{L}", "opening")]) as w:
         w.append(0.5, np.zeros(12), {"step": 1, "energy": 2.0, "gap": 0.1},
@@ -106,7 +106,7 @@ def test_steps_between_states_reach_the_history_only(tmp_path: Path) -> None:
         np.testing.assert_array_equal(r.probes["p"]["x"], [1.0, 2.0])
 
 
-def test_rates_that_appear_late_are_nan_before(tmp_path: Path) -> None:
+def test_rates_that_appear_late_are_nan_until_then(tmp_path: Path) -> None:
     with start(tmp_path / "a.h5") as w:
         w.append(0, np.zeros(12))
         w.append(1, np.zeros(12), v=np.ones(12))
@@ -116,8 +116,8 @@ def test_rates_that_appear_late_are_nan_before(tmp_path: Path) -> None:
         np.testing.assert_array_equal(r.v(1), 1.0)
 
 
-def test_a_probe_that_appears_late_is_nan_before(tmp_path: Path,
-                                                 monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_probe_that_appears_late_is_nan_until_then(tmp_path: Path,
+                                                     monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 0.0)
     with start(tmp_path / "a.h5") as w:
         for i in range(3):
@@ -128,7 +128,7 @@ def test_a_probe_that_appears_late_is_nan_before(tmp_path: Path,
 
 
 def test_many_probes_keep_no_dataset_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """HDF5 holds 30 to 90 kB for every dataset that is open: 20 000 probes would take more than 4 GB."""
+    """HDF5 holds 30 to 90 kB per open dataset: 20 000 probes would take more than 4 GB."""
     monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 0.0)
     with start(tmp_path / "a.h5") as w:
         for i in range(2):
@@ -139,7 +139,7 @@ def test_many_probes_keep_no_dataset_open(tmp_path: Path, monkeypatch: pytest.Mo
         np.testing.assert_array_equal(r.probes["p7"]["x"], [7.0, 8.0])
 
 
-def test_flushes_that_take_long_are_made_less_often(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_flushes_are_made_less_often(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = [0.0]
     monkeypatch.setattr(writer_module.time, "monotonic", lambda: clock[0])
     flushed, commit = [], JournaledFile.commit

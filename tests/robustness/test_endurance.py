@@ -1,4 +1,4 @@
-"""Repeats, very many events, processes at once, commands that are stopped: in small what docs/robustness.md tells."""
+"""Repeats, very many events, parallel processes, stopped commands: small versions of docs/robustness.md."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from instruments.endurance import events, repeats, scenes, stops
 pytestmark = pytest.mark.slow
 
 
-def test_runs_in_one_process_leave_nothing_behind_and_repeat_every_bit() -> None:
+def test_runs_in_one_process_leak_nothing_and_repeat_every_bit() -> None:
     repeats.growth(15)  # what is made once, some of it late
     found = repeats.growth(20)
     assert set(found.others.values()) == {0}
@@ -21,7 +21,7 @@ def test_runs_in_one_process_leave_nothing_behind_and_repeat_every_bit() -> None
 
 
 def test_very_many_events_neither_drift_nor_leak() -> None:
-    """Errors are those of round-off; an event keeps less than 300 bytes, a few of which are in the result."""
+    """Errors are round-off; each event keeps less than 300 bytes, some of them in the result."""
     for motion, count in ((events.instants, 150), (events.kinks, 30), (events.conditions, 20)):
         found = motion(count)
         assert found.position < 1e-9
@@ -36,8 +36,8 @@ def test_very_many_events_neither_drift_nor_leak() -> None:
 # runs that are killed: tests/results/test_results_kills.py
 @pytest.mark.parametrize(("command", "after", "how"), [("run", 2.0, signal.SIGTERM), ("sweep", 2.0, signal.SIGKILL),
                                                        ("plot", 1.0, signal.SIGTERM)])
-def test_a_command_that_is_stopped_leaves_what_is_whole_or_nothing(command: str, after: float, how: signal.Signals,
-                                                                 workshop: Path) -> None:
+def test_a_stopped_command_leaves_complete_files_or_none(command: str, after: float, how: signal.Signals,
+                                                         workshop: Path) -> None:
     _, _, faults = stops.stop(workshop, command, how, after)
     assert faults == []
 
@@ -49,7 +49,7 @@ def workshop():  # type: ignore[no-untyped-def]
         yield folder
 
 
-def test_damage_is_seen(tmp_path: Path, workshop: Path) -> None:
+def test_damage_is_detected(tmp_path: Path, workshop: Path) -> None:
     for name, content in (("a.png", b"\x89PNG"), ("a.gif", b"GIF89a"), ("a.html", b"<html>"),
                           ("a.h5", b"\x89HDF"), ("a.xyz", b"")):
         (tmp_path / name).write_bytes(content)
@@ -57,7 +57,7 @@ def test_damage_is_seen(tmp_path: Path, workshop: Path) -> None:
     assert stops.damage(workshop / "sound.h5") == ""
 
 
-def test_a_folder_that_may_not_be_written_to_is_told(tmp_path: Path) -> None:
+def test_a_read_only_folder_is_reported(tmp_path: Path) -> None:
     import os
     import shutil
 

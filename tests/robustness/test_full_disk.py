@@ -1,4 +1,4 @@
-"""Disks that take nothing more: a sentence, no damaged file, and HDF5 outlives it."""
+"""Full disks: an explanation, no damaged file, and HDF5 continues to work."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 @contextmanager
 def room(size: int) -> Iterator[None]:
-    """Let no file grow beyond a size (bytes), as on a disk that fills."""
+    """Limit the size of files (bytes), as on a disk that fills."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     # Python would keep the first half of the bytecode of what is imported meanwhile, and not import it again
     writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True
@@ -37,7 +37,7 @@ def room(size: int) -> Iterator[None]:
 
 
 def refused(found: Called) -> None:
-    """Check that a command failed in one sentence."""
+    """Check that a command failed with one sentence."""
     assert found.code in (1, 2)
     assert found.faults() == []
     assert found.err.count("error: ") == 1
@@ -54,7 +54,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("size", [0, 10_000, 30_000, 60_000])
-def test_a_run_leaves_nothing_or_what_is_readable(folder: Path, size: int) -> None:
+def test_a_run_leaves_a_readable_file_or_none(folder: Path, size: int) -> None:
     scenes.write(folder, "case", {**scenes.LONG, "solver": {"type": "dynamic", "t_end": 0.2, "dt": 1e-3}})
     assert call("run", "case.yaml", "-q").code == 0  # its kernels are compiled
     (folder / "case.h5").unlink()
@@ -71,7 +71,7 @@ def test_a_run_leaves_nothing_or_what_is_readable(folder: Path, size: int) -> No
     (["plot", "sound.h5", "--animate", "out.gif", "--frames", "2"], 5000),
     (["plot", "sound.h5", "--data", "out.csv"], 100), (["view", "sound.h5", "--save", "out.html"], 5000)],
     ids=lambda v: " ".join(v) if isinstance(v, list) else "")
-def test_what_a_command_could_not_write_to_its_end_is_not_there(folder: Path, arguments: list[str], size: int) -> None:
+def test_incomplete_files_of_commands_are_removed(folder: Path, arguments: list[str], size: int) -> None:
     with room(size):
         refused(call(*arguments))
     assert [p.name for p in folder.iterdir()] == ["sound.h5"]
@@ -90,7 +90,7 @@ def _go_on(writer: ResultWriter, states: int = 20_000) -> None:
         writer.flush()
 
 
-def test_what_earlier_commits_hold_outlives_errors_of_the_disk_within_hdf5(tmp_path: Path) -> None:
+def test_earlier_commits_survive_disk_errors_within_hdf5(tmp_path: Path) -> None:
     e0 = coordinates("tangent", np.linspace(0, 1, 3), 0.0)
     with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("beam", 2, 1.0, 0.1)], e0) as writer:
         writer.append(0, np.zeros(12))
@@ -111,7 +111,7 @@ def twice(x):
 """
 
 
-def test_kernels_that_cannot_be_kept_are_compiled_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernels_that_cannot_be_cached_are_still_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "kernel_of_a_full_disk.py").write_text(KERNEL)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr("ancf2d.kernels.lowlevel.jit.CACHE", tmp_path / "cache")
@@ -122,9 +122,9 @@ def test_kernels_that_cannot_be_kept_are_compiled_all_the_same(tmp_path: Path, m
     assert [p.name for p in (tmp_path / "cache").iterdir()] == []
 
 
-def test_a_write_that_failed_is_no_commit_even_where_there_is_room_again(tmp_path: Path,
-                                                                         monkeypatch: pytest.MonkeyPatch) -> None:
-    """The one that fails is HDF5's own, of data beyond what is committed."""
+def test_a_failed_write_is_no_commit_even_if_there_is_room_again(tmp_path: Path,
+                                                                 monkeypatch: pytest.MonkeyPatch) -> None:
+    """The failing write is HDF5's own, of data behind the commit."""
     e0, failed, write, write_all = coordinates("tangent", np.linspace(0, 1, 3), 0.0), [], JournaledFile.write, \
         journal._write_all
 

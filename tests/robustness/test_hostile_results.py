@@ -1,4 +1,4 @@
-"""Result files with damage that HDF5 does not see."""
+"""Result files with damage that HDF5 does not detect."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(autouse=True)
 def _bounded() -> Iterator[None]:
-    """End the process where HDF5 goes round for ever: nothing else reaches it."""
+    """End the process if HDF5 loops forever: nothing else can stop it."""
     signal.alarm(20)
     yield
     signal.alarm(0)
 
 
 def collections(content: bytes) -> list[int]:
-    """Return where HDF5 keeps texts of any length."""
+    """Return the places where HDF5 stores texts of variable length."""
     found, at = [], content.find(b"GCOL")
     while at >= 0:
         found.append(at)
@@ -38,7 +38,7 @@ def collections(content: bytes) -> list[int]:
 
 
 @pytest.mark.parametrize(("index", "size"), [(0, 0), (1, 2**64 - 16), (1, 2**63), (7, 10**6)])
-def test_texts_that_lead_nowhere_are_damage(tmp_path: Path, index: int, size: int) -> None:
+def test_dangling_texts_are_damage(tmp_path: Path, index: int, size: int) -> None:
     path = bent_beam(tmp_path / "a.h5")
     content = bytearray(path.read_bytes())
     at = collections(bytes(content))[0] + 16
@@ -48,7 +48,7 @@ def test_texts_that_lead_nowhere_are_damage(tmp_path: Path, index: int, size: in
         describe(path)
 
 
-def test_the_mark_of_texts_within_data_is_no_damage(tmp_path: Path) -> None:
+def test_the_signature_of_texts_within_data_is_no_damage(tmp_path: Path) -> None:
     path = bent_beam(tmp_path / "a.h5")
     with h5py.File(path, "r+") as file:
         file["other"] = np.frombuffer(b"GCOL\x01\x00\x00\x00" + (2**60).to_bytes(8, "little") + bytes(64), np.uint8)
@@ -78,7 +78,7 @@ def test_a_page_of_modes_without_their_frequencies(tmp_path: Path) -> None:
         assert "mode 1" in make_page(found).html
 
 
-def test_a_page_of_probes_that_are_no_numbers(tmp_path: Path) -> None:
+def test_a_page_of_probes_that_are_not_numbers(tmp_path: Path) -> None:
     e0 = coordinates("tangent", np.linspace(0, 1, 3), 0.0)
     with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("beam", 2, 1.0, 0.1)], e0) as writer:
         for k in range(3):
@@ -89,7 +89,7 @@ def test_a_page_of_probes_that_are_no_numbers(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("place", ["probes/tip/uy", "history/iterations", "energies/strain"])
-def test_texts_in_the_place_of_numbers_are_damage(tmp_path: Path, place: str) -> None:
+def test_texts_in_place_of_numbers_are_damage(tmp_path: Path, place: str) -> None:
     e0 = coordinates("tangent", np.linspace(0, 1, 3), 0.0)
     with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("beam", 2, 1.0, 0.1)], e0) as writer:
         for k in range(3):
@@ -113,7 +113,7 @@ def test_more_states_than_the_file_holds_are_damage(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("place", ["states/t", "states/d", "mesh/e0", "probes/tip/uy", "history/energy"])
 def test_numbers_too_long_for_python_are_damage(tmp_path: Path, place: str) -> None:
-    """JSON has no such numbers, nor have pages."""
+    """JSON and pages cannot contain such numbers."""
     path = bent_beam(tmp_path / "a.h5")
     with h5py.File(path, "r+") as file:
         values = file[place][()]

@@ -1,4 +1,4 @@
-"""Ctrl-C where it does not fit."""
+"""Ctrl-C at awkward moments."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ def test_an_interruption_waits_until_a_kernel_is_compiled(module: str) -> None:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="shells that ignore signals")
-def test_interruptions_are_tested_where_the_shell_ignores_them() -> None:
-    """As a shell without job control does for what it starts in the background."""
-    test = "test_what_must_not_be_left_midway_is_done_first"
+def test_interrupts_work_if_the_shell_ignores_them() -> None:
+    """As a shell without job control does for background processes."""
+    test = "test_critical_sections_are_finished_first"
     found = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "slow or not slow",
                             f"{__file__}::{test}"],
                            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN), capture_output=True,
@@ -61,7 +61,7 @@ def test_interruptions_are_tested_where_the_shell_ignores_them() -> None:
     assert found.returncode == 0, found.stdout
 
 
-def test_interruptions_that_a_caller_handles_are_left_to_it() -> None:
+def test_interrupts_are_left_to_a_caller_that_handles_them() -> None:
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         with patient_interrupts():
@@ -72,7 +72,7 @@ def test_interruptions_that_a_caller_handles_are_left_to_it() -> None:
 
 @pytest.mark.parametrize("module", [f"{name}.core.within" for name in COMPILERS])
 def test_an_interruption_that_waits_for_the_compiler_does_not_outlive_the_command(module: str) -> None:
-    """It is raised at the end, and nothing is left that would interrupt what comes after."""
+    """It is raised at the end, and later code is not interrupted."""
     scope: dict[str, Any] = {"__name__": module}
     exec(CALLBACK, scope)
     threads = threading.active_count()
@@ -94,7 +94,7 @@ def _interrupted_as_it_goes() -> None:
     pytest.fail("the interruption was lost")
 
 
-def test_an_interruption_where_nothing_can_be_raised_comes_a_moment_later(capfd: pytest.CaptureFixture[str]) -> None:
+def test_an_interruption_where_exceptions_are_lost_comes_a_moment_later(capfd: pytest.CaptureFixture[str]) -> None:
     hook = sys.unraisablehook
     with pytest.raises(KeyboardInterrupt), patient_interrupts():
         _interrupted_as_it_goes()
@@ -108,7 +108,7 @@ def _interrupt() -> None:
 
 @pytest.fixture(autouse=True)
 def _others() -> Iterator[None]:
-    """Another thread, begun before anything is held back: what it takes reaches the main thread all the same."""
+    """Start another thread before signals are deferred: signals that it takes still reach the main thread."""
     with ThreadPoolExecutor(1) as pool:
         pool.submit(int).result()
         OTHERS[:] = [pool]
@@ -120,7 +120,7 @@ def _from_another_thread() -> None:
 
 
 @pytest.mark.parametrize("send", [_interrupt, _from_another_thread])
-def test_what_must_not_be_left_midway_is_done_first(send: Any) -> None:
+def test_critical_sections_are_finished_first(send: Any) -> None:
     before, done = signal.getsignal(signal.SIGINT), []
 
     def work() -> None:
@@ -135,7 +135,7 @@ def test_what_must_not_be_left_midway_is_done_first(send: Any) -> None:
 
 
 class _Interrupting(dict[str, float]):
-    """Values that are interrupted as they are written."""
+    """Values that cause an interruption while they are written."""
 
     def items(self) -> Any:
         _from_another_thread()
@@ -147,8 +147,8 @@ def _writer(path: Path) -> ResultWriter:
     return ResultWriter(path, HEADER, [tangent_body("beam", 2, 1.0, 0.1)], e0)
 
 
-def test_a_state_that_is_being_written_is_written_to_its_end(tmp_path: Path) -> None:
-    """Another thread takes the signal, as one of the numerical libraries may."""
+def test_a_state_is_written_completely_despite_an_interruption(tmp_path: Path) -> None:
+    """Another thread takes the signal, as threads of numerical libraries may."""
     def write() -> None:
         with _writer(tmp_path / "a.h5") as writer:
             writer.append(0.0, np.zeros(12))
@@ -160,7 +160,7 @@ def test_a_state_that_is_being_written_is_written_to_its_end(tmp_path: Path) -> 
         assert (found.nt, found.status) == (2, "interrupted")
 
 
-def test_a_file_interrupted_as_it_appears_does_not_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_interrupted_at_its_creation_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from ancf2d.results.target import Target
 
     publish = Target.publish
@@ -175,7 +175,7 @@ def test_a_file_interrupted_as_it_appears_does_not_stay(tmp_path: Path, monkeypa
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_second_interruption_while_the_first_is_explained_says_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_interruption_prints_no_second_message(monkeypatch: pytest.MonkeyPatch) -> None:
     import click
 
     from ancf2d.cli import app, main
@@ -192,7 +192,7 @@ def test_a_second_interruption_while_the_first_is_explained_says_no_more(monkeyp
     assert found.value.code == 130
 
 
-def test_an_interruption_after_the_json_object_adds_none(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_interruption_after_the_json_object_prints_no_other(capsys: pytest.CaptureFixture[str]) -> None:
     from ancf2d.cli.failures import explain
     from ancf2d.cli.session import Session
 

@@ -1,4 +1,4 @@
-"""Some of the mutants that docs/robustness.md tells of by the thousand, and the trial itself."""
+"""Some of the mutants that docs/robustness.md reports by the thousand, and the trial itself."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _misbehave(job: str) -> str:
 
 
 @LINUX
-def test_work_that_dies_hangs_or_takes_too_much_is_told_from_work_that_ends() -> None:
+def test_work_that_dies_hangs_or_takes_too_much_is_detected() -> None:
     limits = pen.Limits(patience=0.5, grace=0.5, memory=200 << 20)
     found: dict[str, Any] = {job: ended for job, ended in pen.confined(
         _misbehave, ["fine", "die", "memory", "hang", "long", "again"], limits)}
@@ -73,7 +73,7 @@ def test_work_that_dies_hangs_or_takes_too_much_is_told_from_work_that_ends() ->
 @pytest.mark.parametrize(("code", "out", "err", "said"), [
     (3, "", "error: no", "exit code 3"), (1, "", "Traceback (most recent call last)", "prints 'Traceback"),
     (1, "", "internal error, please report", "internal error"), (2, "", "", "without a word")])
-def test_broken_promises_are_seen(code: int, out: str, err: str, said: str) -> None:
+def test_broken_promises_are_detected(code: int, out: str, err: str, said: str) -> None:
     assert any(said in fault for fault in command.Called(["run", "a.yaml"], code, out, err).faults())
     assert any("no JSON" in fault for fault in command.Called(["run", "--json"], 0, "{", "").faults())
     assert command.unreal_numbers({"a": [1.0, {"b": float("nan")}]}) == ["summary.a[1].b"]

@@ -1,4 +1,4 @@
-"""The page of the examination: every check is explained, every listed type has its verdicts."""
+"""The page of the audit: every check is explained, every listed type has its verdicts."""
 
 import re
 from pathlib import Path
@@ -38,7 +38,7 @@ def rows_below(mark):
 
 @pytest.mark.parametrize("number", range(len(audit_table.asked())), ids=list(audit_table.asked()))
 def test_the_page_is_current(number):
-    """Each type with a third of the checks, each check with a third of the types."""
+    """A third of the checks for each type, and a third of the types for each check."""
     title, (name, options) = list(audit_table.asked().items())[number]
     (head, *rows), (_, *failed) = rows_below("audit-verdicts"), rows_below("audit-failures")
     shown = {row[0].strip("`"): row[head.index(title)] for row in rows}
@@ -52,7 +52,7 @@ def test_the_page_is_current(number):
                         if found.verdict == FAIL else []), "run: python -m scripts.make_docs"
 
 
-def test_tables_agree_with_the_examination(monkeypatch):
+def test_tables_agree_with_the_audit(monkeypatch):
     some = {k: v for k, v in audit_table.asked().items() if k in ("2d2n", "omar, paper")}
     monkeypatch.setattr(audit_table, "asked", lambda: some)
     rows = [[c.strip() for c in line.split("|")[1:-1]] for line in audit_table.verdicts().splitlines()]

@@ -1,4 +1,4 @@
-"""The printed shape functions are those that elements are computed with."""
+"""The printed shape functions are those of the elements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of the paper's tables and figures: all of them are in it, it needs nothing else, verdicts are right."""
+"""The report on the paper's tables and figures: complete, self-contained, with the right verdicts."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ SHORT = 0.01
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Table 3 on its coarsest mesh alone."""
+    """Table 3 on its coarsest mesh only."""
     from scripts import table3
 
     monkeypatch.setattr(table3, "PRINTED", {k: v for k, v in table3.PRINTED.items() if k[1] == 16})
 
 
-def test_differences_are_of_the_printed_digits() -> None:
+def test_differences_are_in_printed_digits() -> None:
     from scripts.paper_report import difference
 
     assert difference("-0.68367", "-0.68185") == "+0.00182"
@@ -33,7 +33,7 @@ def test_differences_are_of_the_printed_digits() -> None:
     assert difference("0.067056", "-0.067059", sign_lost=True) == "+0.000003"
 
 
-def test_a_table_marks_what_differs_and_what_is_not_as_documented() -> None:
+def test_a_table_marks_differences_and_undocumented_verdicts() -> None:
     from scripts import reproduce_paper
     from scripts.paper_report import static_table
 
@@ -61,7 +61,7 @@ def test_motions_at_other_times_are_not_compared() -> None:
         distance(a, Path2(2 * t, b.r))
 
 
-def test_the_papers_elements_carry_its_shear_unless_told() -> None:
+def test_the_papers_elements_have_its_shear_factor_by_default() -> None:
     from scripts.paper_motion import paper_run
 
     assert paper_run("pendulum2", "2d3n", 8).overrides == ("bodies.rod.element={type: 2d3n, count: 8, preset: paper}",)
@@ -70,7 +70,7 @@ def test_the_papers_elements_carry_its_shear_unless_told() -> None:
     assert run.overrides == ("bodies.crank.element={type: 2d3n, count: 2}", "bodies.rod.element={type: 2d3n, count: 4}")
 
 
-def test_captions_say_whether_a_claim_is_borne_out(tmp_path: Path) -> None:
+def test_captions_say_whether_a_claim_is_confirmed(tmp_path: Path) -> None:
     from scripts.paper_figures import Drawn
     from scripts.paper_report import figure_html
 
@@ -83,7 +83,7 @@ def test_captions_say_whether_a_claim_is_borne_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_page_holds_every_table_and_figure_and_needs_nothing_else(quick: None, tmp_path: Path) -> None:
+def test_the_page_is_complete_and_self_contained(quick: None, tmp_path: Path) -> None:
     from scripts import reproduce_paper
     from scripts.paper_figures import Workshop
     from scripts.paper_report import page
@@ -106,7 +106,7 @@ def test_the_page_holds_every_table_and_figure_and_needs_nothing_else(quick: Non
 
 
 def check_static_figures(folder: Path) -> None:
-    """Figures 3 to 5 are drawn from the paper's cases, with the meshes that were asked for."""
+    """Figures 3 to 5 are drawn from the paper's cases, with the requested meshes."""
     from ancf2d.results import open_results
 
     for name in ("figure3_ux", "figure3_uy", "figure4", "figure5_linear", "figure5_nonlinear"):

@@ -1,4 +1,4 @@
-"""The paper's tables, entry by entry, and that a verdict other than the documented one is an error."""
+"""The paper's tables, entry by entry: any verdict other than the documented one is an error."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_every_entry_has_its_documented_verdict(reproduce) -> None:
             assert verdict["same"] or verdict["why"], verdict
 
 
-def test_entries_that_follow_to_all_printed_digits(reproduce) -> None:
+def test_entries_that_agree_to_all_printed_digits(reproduce) -> None:
     same = {name: sum(e.computed is None for e in table.entries) for name, table in reproduce.TABLES.items()}
     assert same == {"1": 21, "2": 4}
     assert {name: len(table.entries) for name, table in reproduce.TABLES.items()} == {"1": 30, "2": 10}
@@ -81,8 +81,8 @@ def test_figures_from_the_command_line(reproduce, tmp_path: Path, monkeypatch: p
 
 
 @pytest.mark.parametrize(("documented", "code"), [(True, 0), (False, 1)])
-def test_the_report_tells_of_verdicts_that_are_not_as_documented(reproduce, tmp_path: Path, documented: bool,
-                                                                 code: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_report_names_undocumented_verdicts(reproduce, tmp_path: Path, documented: bool,
+                                                code: int, monkeypatch: pytest.MonkeyPatch) -> None:
     from scripts import paper_report
 
     monkeypatch.setattr(paper_report, "page", lambda shop, examine: ("<p>page</p>", documented))

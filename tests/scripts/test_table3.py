@@ -1,4 +1,4 @@
-"""The script of Table 3 finds the printed modes, and says where a name is not the mode's shape."""
+"""The script of Table 3 finds the printed modes and says if a name does not fit the mode's shape."""
 
 
 import pytest
@@ -17,12 +17,12 @@ def test_printed_frequencies_are_computed_ones(element):
     assert all(r.remark for r in found[6:] if r.overlap < 0.5)
 
 
-def test_a_wrong_digit_is_seen():
+def test_a_wrong_digit_is_detected():
     printed = table3.PRINTED["2d2n", 16].replace("93.40", "93.41").split()
     assert not table3.rows(table3.CASE, (), 16, printed)[0].same
 
 
-def test_the_second_axial_of_the_finer_mesh_is_said_to_be_spurious():
+def test_the_second_axial_of_the_finer_mesh_is_called_spurious():
     found = table3.rows(table3.CASE, (), 32, table3.PRINTED["2d2n", 32].split())
     assert found[3].same
     assert found[3].overlap == pytest.approx(0.395, abs=0.001)

@@ -1,4 +1,4 @@
-"""The verification manual: every case is in it and meets its references; how a case becomes a section."""
+"""The verification manual: every case is in it and meets its references; sections follow from cases."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def check(**more: Any) -> dict[str, Any]:
             "source": "by hand", **more}
 
 
-def test_the_page_has_a_section_for_every_case_and_no_other() -> None:
+def test_the_page_has_a_section_for_exactly_every_case() -> None:
     assert sorted(re.findall(r"^### (\S+)$", PAGE, re.M)) == CASES
 
 
@@ -41,7 +41,7 @@ def test_every_reference_on_the_page_is_met() -> None:
     assert sum(met for *_, met in counts) == verdicts.count("ok")
 
 
-def test_a_reference_that_is_not_met_says_so(manual: Any) -> None:
+def test_a_missed_reference_is_marked(manual: Any) -> None:
     assert manual.row(check()) == ["tip uy", "-2", "-2.001", "1.0e-03", "1.0e-02", "ok", "by hand"]
     assert manual.row(check(met=False))[5] == "**not met**"
     assert manual.row(check(value=None, difference=None, met=False))[5] == "not solved"
@@ -49,7 +49,7 @@ def test_a_reference_that_is_not_met_says_so(manual: Any) -> None:
     assert manual.row(check(expected=0.0, value=1e-15, difference=1e-15, allowed=1e-3))[2:4] == ["0", "round-off"]
 
 
-def test_the_head_of_a_case_is_what_it_is_about(manual: Any) -> None:
+def test_the_introduction_is_the_head_of_the_case(manual: Any) -> None:
     text = "# Beam, L*h < 2\n#\n# Run it:\n#     ancf2d run <case>\n# and look.\nformat: 1\n# not this\n"
     assert manual.about(text) == ("Beam, L\\*h &lt; 2\n\nRun it:\n\n```text\nancf2d run <case>\n```\nand look.")
 

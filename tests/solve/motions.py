@@ -1,4 +1,4 @@
-"""What the tests of time integration share: small scenes, and motions stepped through to their end."""
+"""Shared by the tests of time integration: small scenes, and their motions stepped to the end."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.dynamic import Balance, solve_dynamic
 from ancf2d.solvers.motion.initial import initial_motion
 from ancf2d.solvers.motion.integrators import SCIPY_METHODS
-from ancf2d.solvers.motion.methods import Method
 from ancf2d.solvers.motion.ode import OdeStepper
+from ancf2d.solvers.motion.own_integrators import Method
 from ancf2d.solvers.motion.problem import make_problem
 from ancf2d.solvers.motion.stepping import LOG, Stepper
 
@@ -43,7 +43,7 @@ def rod(name: str = "cable", count: int = 2, start: Any = (0, 0), end: Any = (1,
 
 
 class Ride:
-    """A scene in motion. ``rows`` are its stored states, ``log`` (steps, 7) what is told of every step."""
+    """A scene in motion. ``rows`` are its stored states, ``log`` (steps, 7) is the log of all steps."""
 
     def __init__(self, scene: dict[str, Any], t_end: float, states: int = 1, every: int = 0, chunk: int = 0,
                  tight: float = 0.0, **solver: Any) -> None:
@@ -63,13 +63,13 @@ class Ride:
         self.chunk, self.rows = chunk, []
 
     def start(self) -> Ride:
-        """Begin where the case begins."""
+        """Start at the beginning of the case."""
         self.stepper.start(*initial_motion(self.model))
         self.rows.append(self.stepper.last())
         return self
 
     def on(self) -> Ride:
-        """Go on to the end, in chunks of so many steps where that is asked for."""
+        """Continue to the end, optionally in chunks of so many steps."""
         while not self.stepper.done:
             if self.chunk:
                 self.stepper.steps = self.chunk
@@ -88,7 +88,7 @@ class Ride:
         return self.log[:, LOG.index(name)]
 
     def full(self, k: int = -1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return d, v, a (n_full,) of a stored state as it is."""
+        """Return d, v, a (n_full,) of a stored state."""
         return self.stepper.full(self.rows[k])
 
     def end(self) -> np.ndarray:
@@ -119,7 +119,7 @@ def ride(scene: dict[str, Any], t_end: float, **how: Any) -> Ride:
 
 
 def resumed_behind_events(case: str, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """Return the states of a case of motion, which goes on bit for bit from the checkpoints beside each event."""
+    """Check that a motion resumes bit for bit from checkpoints after each event; return its states."""
     # every state ends a chunk, from which a run can go on
     monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
     monkeypatch.setattr(stepping, "LOG_ROWS", 7)
@@ -144,5 +144,5 @@ def resumed_behind_events(case: str, monkeypatch: pytest.MonkeyPatch) -> list[An
 
 
 def orders(errors: list[float]) -> np.ndarray:
-    """Return the orders that errors at halved steps show."""
+    """Return the observed orders of errors at halved steps."""
     return np.log2(np.divide(errors[:-1], np.maximum(errors[1:], 1e-300)))

@@ -1,4 +1,4 @@
-"""The forces that a state leaves without balance."""
+"""Residual forces of a state."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from helpers import cantilever
 
-from ancf2d.solvers.post import unbalanced_forces
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state_results import unbalanced_forces
 
 
 @pytest.mark.parametrize("kind", ["2d3n", "reissner2"])
-def test_a_force_that_nothing_balances_is_counted_in_full(kind: str) -> None:
+def test_an_unbalanced_force_is_counted_in_full(kind: str) -> None:
     loads = [{"type": "force", "at": "beam@1", "value": [0, -3000]}]
     model = cantilever({"type": kind, "count": 8}, loads, solver="linear_static").model
     (state,) = solve(model)

@@ -1,4 +1,4 @@
-"""Bifurcations on a path: reported, passed straight on, and left onto their branches."""
+"""Bifurcations on a path: reported, passed straight on, or followed onto branches."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def test_bifurcation_of_a_perfect_column_is_reported_and_the_straight_path_kept(
 
 @pytest.mark.parametrize("kind", ["force", "follower_force"])
 @pytest.mark.parametrize("lateral", [1e-2, 1e-5, 1e-8])
-def test_the_least_imperfection_leads_onto_the_bent_branch_whatever_the_first_step(lateral, kind):
-    """The first step would lie far beyond the buckling load, where Newton finds the straight state of no use."""
+def test_a_tiny_imperfection_leads_onto_the_bent_branch_for_any_first_step(lateral, kind):
+    """The first step would end far beyond the buckling load, where Newton's method would find the straight state."""
     out = column(lateral, path(reaches("top", "theta", -math.pi / 2)), kind=kind)
     k = math.sin(math.pi / 4)
     from scipy.special import ellipk
@@ -102,7 +102,7 @@ def test_the_branches_of_a_symmetric_arch_sway_to_either_side_and_fall():
         assert out.state.t < critical["factor"]
 
 
-def test_a_branch_that_is_not_met_or_cannot_be_followed_is_told():
+def test_a_missing_branch_is_reported():
     out = column(0.0, path({"load_factor": 1}, branch={"at": 1, "direction": 1}))
     assert any("the path ends before its bifurcation 1 (it met 0)" in w for w in out.state.warnings)
     with pytest.raises(CaseError, match="method newton cannot follow branches"):

@@ -1,4 +1,4 @@
-"""Bodies that bounce off a contact with a law, against free flights and half swings in closed form."""
+"""Bodies that bounce off a contact layer, compared with free flights and half oscillations in closed form."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FLOOR = {"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}}
 
 
 def dropped(stiffness: float, tilt: float = 0.0) -> dict[str, Any]:
-    """Return a rigid bar of 1 m that falls on a floor, all of it at once without ``tilt`` [m].
+    """Return a rigid bar of 1 m that falls on a floor, parallel to it without ``tilt`` [m].
 
     It swings in the layer as often up and down as about its middle: a tilt of round-off does not grow.
     """
@@ -24,7 +24,7 @@ def dropped(stiffness: float, tilt: float = 0.0) -> dict[str, Any]:
 
 
 def bouncing(t: float, stiffness: float) -> float:
-    """Return its height at t: it falls from rest, swings about where it would lie, and rises as far."""
+    """Return its height at t: free fall, oscillation about the static depth, and equal rise."""
     omega, speed = math.sqrt(stiffness / MASS), math.sqrt(2 * G * HEIGHT)
     # in the layer y = G/omega^2 (cos(omega t) - 1) - speed/omega sin(omega t)
     phase = math.atan2(speed / omega, G / omega**2)
@@ -49,7 +49,7 @@ def off(stiffness: float, **solver: Any) -> float:
     ("generalized_alpha", 1e-6, 3.0)])
 @pytest.mark.parametrize("stiffness", [1e4, 1e7])
 def test_errors_follow_the_tolerance_through_bounces(method, tolerance, times, stiffness):
-    """Errors of the rate with which it leaves the layer grow with time: those of short steps there count as rates."""
+    """Errors of the speed after a bounce grow with time, so local errors there are measured as rates."""
     assert off(stiffness, method=method, tolerance=tolerance) < times * tolerance
 
 
@@ -61,7 +61,7 @@ def test_the_order_is_kept_through_bounces(method, order):
 
 @pytest.mark.parametrize("tilt", [0.0, 1e-9, 1e-3])
 def test_a_bar_that_comes_to_rest_in_the_layer_gains_no_energy(tilt):
-    """At a loose tolerance its last bounces are smaller than errors may be, and its points touch one after another."""
+    """At a loose tolerance its last bounces are smaller than the errors, and its points touch one after another."""
     found = ride(dropped(1e7, tilt), LASTS, states=200, method="generalized_alpha", tolerance=1e-2)
     energy, _ = found.totals()
     assert energy.max() - energy[0] < 2e-2 * MASS * G * HEIGHT
@@ -69,7 +69,7 @@ def test_a_bar_that_comes_to_rest_in_the_layer_gains_no_energy(tilt):
 
 
 def test_an_elastic_bar_that_falls_flat_bounces_to_the_tolerance():
-    """Compared with steps a thousand times more accurate; all of its points touch at once."""
+    """Compared with steps a thousand times more accurate; all points touch at once."""
     bar = {"geometry": {"type": "line", "start": [0, HEIGHT], "end": [1, HEIGHT]},
            "section": {"EA": 6e4, "EI": 2.0, "kGA": 2e4, "rhoA": 1.0, "rhoI": 1e-3},
            "element": {"type": "reissner3", "count": 2}}
@@ -80,8 +80,8 @@ def test_an_elastic_bar_that_falls_flat_bounces_to_the_tolerance():
 
 
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "DOP853"])
-def test_a_bar_at_rest_is_thrown_up_by_a_floor_that_rises(method):
-    """It has no rate yet when it is hit; twice the speed of the floor, behind half a swing beside it."""
+def test_a_rising_floor_throws_up_a_bar_at_rest(method):
+    """The bar has no rate when it is hit; after half an oscillation it has twice the speed of the floor."""
     gap, speed, stiffness = 0.05, 1.0, 1e5
     scene = {**dropped(stiffness), "bodies": {"bar": rigid([0, gap], [1, gap], MASS, 0.1)}, "loads": [], "obstacles": {
         "floor": {**FLOOR["floor"], "motion": {"y": {"type": "ramp", "t1": 0.2, "scale": 0.2 * speed}}}}}

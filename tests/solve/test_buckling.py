@@ -1,4 +1,4 @@
-"""Buckling: Euler's columns, prestress, frames, multipliers, and the tangent that becomes singular at the factor."""
+"""Buckling: Euler's columns, prestress, frames, multipliers, and the singular tangent at the factor."""
 
 import math
 from typing import Any
@@ -44,14 +44,14 @@ def factors(solution: h.Solution) -> list[float]:
 @pytest.mark.parametrize(("name", "formulation"), [("reissner3", None), ("vallejo", "structural"),
                                                    ("vallejo", "enhanced"), ("cable", None)])
 def test_slender_columns_buckle_at_eulers_loads(name, formulation, how):
-    """Of L/h = 1000; what shear takes away, at most 1e-5, is taken into account."""
+    """L/h = 1000; the effect of shear, at most 1e-5, is included."""
     euler = ends(name)[how][0]
     shear = 0.0 if name == "cable" else euler * EULER / (timoshenko(0.3) * E / 2.6)
     found = factors(column(name, 64, how, formulation=formulation))[0]
     assert found == pytest.approx(euler * (1 - shear), rel=1e-5)
 
 
-def test_shear_lowers_the_load_as_haringx_says():
+def test_shear_lowers_the_load_by_haringx_formula():
     """The geometrically exact beam: P (1 + P/kGA) = EI (pi/L)^2 (Haringx 1948), here with P/kGA = 0.17."""
     section = {"EA": 1e12, "kGA": 50.0, "EI": 10.0}
     body = h.body(h.line(math.pi), h.element("reissner3", 64), section)
@@ -141,7 +141,7 @@ def test_a_case_without_scaled_loads_says_so():
 
 
 @pytest.mark.parametrize("density", [{}, {"rho": 7850.0}], ids=["no density", "steel"])
-def test_shapes_of_the_mesh_are_told_whether_or_not_there_is_a_density(density: dict[str, float]) -> None:
+def test_mesh_artefacts_are_reported_with_and_without_density(density: dict[str, float]) -> None:
     thick = h.body(h.line(2.0), h.element("2d2n", 16), {"height": 0.4, "width": 0.1}, {"E": E, "nu": 0.3, **density})
     found = h.solved({"c": thick}, {"type": "buckling", "modes": 3}, bc=[{"type": "clamp", "at": "c@0"}],
                      loads=[{"type": "force", "at": "c@1", "value": [-1e6, 0.0]}])
@@ -150,8 +150,8 @@ def test_shapes_of_the_mesh_are_told_whether_or_not_there_is_a_density(density: 
 
 
 @pytest.mark.parametrize("name", ["reissner3", "vallejo", "cable"])
-def test_a_cantilever_loaded_across_has_no_load_factor_as_it_never_buckles_in_its_plane(name):
-    """The nonlinear path is stable far beyond what the linearised tangent would have as a load factor, 0.03 to 0.05."""
+def test_a_transversely_loaded_cantilever_has_no_load_factor(name):
+    """Its nonlinear path is stable far beyond the 0.03 to 0.05 at which the linearised tangent becomes singular."""
     body = h.body(h.line(2.0), h.element(name, 8), {"height": 0.1, "width": 0.1}, {"E": 2.07e11, "nu": 0.3})
     scene = {"bc": [{"type": "clamp", "at": "c@0"}],
              "loads": [{"type": "force", "at": "c@1", "value": [0.0, -500e3]}]}
@@ -164,7 +164,7 @@ def test_a_cantilever_loaded_across_has_no_load_factor_as_it_never_buckles_in_it
     assert all(s.history["negative_pivots"] == 0 for s in path.states)
 
 
-def test_a_column_that_bends_a_little_keeps_eulers_load_without_a_word_and_an_arch_is_told_to_be_an_estimate():
+def test_a_slightly_bent_column_gives_no_warning_and_an_arch_is_called_an_estimate():
     body = h.body(h.line(4.0, math.pi / 2), h.element("reissner3", 8), {"height": 0.1, "width": 0.1}, MATERIAL)
     bc = [{"type": "pin", "at": "c@0"}, {"type": "roller", "at": "c@1", "fixed": "x"}]
     loads = [{"type": "force", "at": "c@1", "value": [0, -1e5]}, {"type": "distributed", "on": "c", "value": [1e2, 0]}]
@@ -179,8 +179,8 @@ def test_a_column_that_bends_a_little_keeps_eulers_load_without_a_word_and_an_ar
     assert any("estimates" in w for w in shallow.state.warnings)
 
 
-def test_springs_that_pull_in_the_reference_have_stressed_the_model_before():
-    """A column stretched by P0 through a spring at its end: Euler's load and P0, that of the equilibrium."""
+def test_prestressed_springs_stress_the_model_at_load_factor_zero():
+    """A column in tension P0 from a spring at its end: Euler's load plus P0, as in the equilibrium."""
     EA, EI, L, k, pull = 1e6, 1.0, 1.0, 1e3, 4e-3
     body = h.body(h.line(L), h.element("reissner3", 16), {"EA": EA, "kGA": EA, "EI": EI})
     spring = {"type": "translational", "between": ["c@1", [2.0, 0.0]], "stiffness": k, "length": 1.0 - pull}
@@ -193,15 +193,15 @@ def test_springs_that_pull_in_the_reference_have_stressed_the_model_before():
 
 
 def pressed(ratio: float, count: int, solver: Any, strain: float) -> h.Solution:
-    """Solve a bar of E = h = b = 1, of elements 2d2n that are l/h = ``ratio`` long, under a force along its axis."""
+    """Solve a bar of E = h = b = 1, of elements 2d2n with l/h = ``ratio``, under an axial force."""
     body = h.body(h.line(ratio * count), h.element("2d2n", count), {"height": 1, "width": 1}, {"E": 1.0, "nu": 0.3})
     return h.solved({"b": body}, solver, loads=[{"type": "force", "at": "b@1", "value": [-strain, 0]}],
                     bc=[{"type": "clamp", "at": "b@0", "hold": "breathe"},
                         {"type": "fix", "at": "b@1", "coordinates": ["y"]}])
 
 
-def test_short_neighbours_that_share_less_than_their_faces_part_at_a_strain_of_their_own():
-    """It falls with (l/h)^2 and is that of many elements with few: a property of the equations, not of round-off."""
+def test_short_nonconforming_elements_separate_at_a_strain_of_their_own():
+    """It falls with (l/h)^2 for any number of elements: a property of the equations, not of round-off."""
     strains = {(r, n): factors(pressed(r, n, {"type": "buckling", "modes": 1}, 1.0))[0] / r**2
                for r, n in ((0.1, 20), (0.1, 80), (0.01, 20))}
     assert list(strains.values()) == pytest.approx([1.12] * 3, rel=0.01)
@@ -212,8 +212,8 @@ def test_short_neighbours_that_share_less_than_their_faces_part_at_a_strain_of_t
 
 
 @pytest.mark.parametrize("name", ["rigid", "vallejo", "cable", "reissner3"])
-def test_a_moment_at_a_support_is_met_by_its_moment_alone(name):
-    """The load factor scales moments too, and what they do to a support is a reaction like any other."""
+def test_a_moment_at_a_support_causes_only_its_reaction_moment(name):
+    """The load factor scales moments too, and their reactions are like any others."""
     element = {"type": "rigid"} if name == "rigid" else h.element(name, 4)
     given = {"mass": 1.0, "inertia": 1.0} if name == "rigid" else {}
     bar = {"geometry": h.line(L), "element": {**element, **given}, "section": SECTION, "material": MATERIAL}
@@ -225,7 +225,7 @@ def test_a_moment_at_a_support_is_met_by_its_moment_alone(name):
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, 1.2])
-def test_a_load_that_a_support_takes_buckles_nothing(angle: float) -> None:
+def test_a_load_on_a_support_buckles_nothing(angle: float) -> None:
     """The answer does not depend on whether the response is zero or round-off."""
     found = h.solved({"c": h.body(h.line(1.0, angle), h.element("reissner3", 4))}, {"type": "buckling", "modes": 1},
                      bc=[{"type": "clamp", "at": "c@0"}], loads=[{"type": "force", "at": "c@0", "value": [3.0, 4.0]}])
@@ -235,7 +235,7 @@ def test_a_load_that_a_support_takes_buckles_nothing(angle: float) -> None:
 
 @pytest.mark.parametrize("stiffness", [1e4, 100.0])
 def test_a_tendon_to_its_base_buckles_a_column_as_it_is_wound_up(stiffness: float) -> None:
-    """By 1e-3 of its own stiffness and the column's together, which bears pi^2 EI/L^2 of what points to its base.
+    """Winding acts on tendon and column in series; the column bears pi^2 EI/L^2 of a force towards its base.
 
     The elasticity of the factor is the tendon's share of the compliance. The tendon hangs loose below the factor 0.
     """
@@ -251,7 +251,7 @@ def test_a_tendon_to_its_base_buckles_a_column_as_it_is_wound_up(stiffness: floa
     assert found.rows[0].elasticity == pytest.approx(-tension / slack / stiffness, rel=1e-3)
 
 
-def test_one_sided_springs_at_their_edge_act_where_the_load_strains_them_and_are_refused_elsewhere() -> None:
+def test_one_sided_springs_at_their_limit_act_if_the_load_strains_them_or_are_refused() -> None:
     def pushed(between: list[Any], **only: Any) -> float:
         spring = {"type": "translational", "between": between, "stiffness": 0.5 * E / L, **only}
         support = ends("reissner3")["pinned"][1]
@@ -267,7 +267,7 @@ def test_one_sided_springs_at_their_edge_act_where_the_load_strains_them_and_are
 
 
 def with_stop(gap: float, direction: float, stiffness: float, clamped: bool, **only: Any) -> h.Solution:
-    """A column under its own buckling load, with a stop at the tip that acts beyond a share of its shortening."""
+    """A column below its buckling load, with a stop at the tip that engages at a share of its shortening."""
     shortening = EULER * L / E
     aim = [L + math.cos(direction), math.sin(direction)]
     stop = {"type": "translational", "between": ["c@1", aim], "stiffness": stiffness * E / L,
@@ -280,16 +280,17 @@ def with_stop(gap: float, direction: float, stiffness: float, clamped: bool, **o
 
 @pytest.mark.parametrize("only", [{}, {"only": "tension"}, {"only": "compression"}], ids=["both", "tension", "other"])
 @pytest.mark.parametrize("gap", [0.3, 1.5])
-def test_stops_that_close_later_leave_the_load_factor_as_it_is(gap: float, only: dict[str, str]) -> None:
-    """The free end of a cantilever bears 1/4; an oblique stop that closes beyond it does not act before, nor within the
-    difference that tells how loads change the stiffness. Its states then differ by strains of 6e-8, beside which the
-    round-off of the tangent of a column this slender is 1e-7.
+def test_stops_that_close_later_do_not_change_the_load_factor(gap: float, only: dict[str, str]) -> None:
+    """The free end of a cantilever bears 1/4; an oblique stop that closes later does not act before.
+
+    Nor does it act within the difference of states that gives the change of stiffness: their strains differ by 6e-8,
+    and the round-off of the tangent of a column this slender is 1e-7.
     """
     free, beside = (factors(with_stop(gap, 0.8, stiffness, True, **only)) for stiffness in (0.0, 0.1))
     assert beside == pytest.approx(free, rel=1e-6)
 
 
-def test_stops_that_bear_the_load_before_it_buckles_are_told() -> None:
+def test_stops_that_engage_below_the_buckling_load_are_reported() -> None:
     for stiffness, told in ((1e-3, None), (0.2, "only estimates"), (5.0, "does not apply at")):
         found = with_stop(0.5, 0.0, stiffness, False)
         assert len(factors(found)) == (told != "does not apply at")
@@ -297,8 +298,8 @@ def test_stops_that_bear_the_load_before_it_buckles_are_told() -> None:
         assert [told in w for w in said] == [True] * (told is not None)
 
 
-def test_loads_that_stress_no_body_that_bends_have_no_factors() -> None:
-    """A rigid lever on a spring turns a little; the beams beside it bear nothing, whatever round-off says."""
+def test_loads_that_stress_no_flexible_body_have_no_factors() -> None:
+    """A rigid lever on a spring rotates a little; the beams next to it are unloaded, whatever round-off says."""
     beam = {"section": {"height": 0.2, "width": 0.4}, "material": {"E": 1.8e7, "nu": 0.0}}
     found = ancf2d.solve({
         "bodies": {

@@ -1,4 +1,4 @@
-"""Plastic hinges: the loads that frames of fibres bear in the end, beside the theory of hinges (Neal 1977)."""
+"""Plastic hinges: collapse loads of frames with fibres, compared with limit analysis (Neal 1977)."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ TYPES = [("reissner3", None), ("cable", None), ("vallejo", "structural")]
 
 
 @pytest.mark.parametrize("method", ["arc_length", "displacement"])
-def test_paths_come_to_the_collapse_load(method: str) -> None:
-    """P L = 3/2 M_y: a hinge forms in the clamped section, which is sampled, but for 0.3 % that 16 fibres add."""
+def test_paths_reach_the_collapse_load(method: str) -> None:
+    """P L = 3/2 M_y: a hinge forms in the clamped section, a station; 16 fibres add 0.3 %."""
     body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 4), "material": STEEL,
             "section": {"height": HEIGHT, "width": WIDTH}}
     done = ancf2d.solve(h.load(
@@ -35,7 +35,7 @@ def test_paths_come_to_the_collapse_load(method: str) -> None:
 
 
 @pytest.mark.parametrize(("kind", "share"), h.chosen([("cable", 1 / 3), ("reissner2", 1 / 2)], ["reissner2"]))
-def test_hinges_that_cannot_lie_at_nodes_are_told(kind: str, share: float) -> None:
+def test_hinges_away_from_nodes_give_a_warning(kind: str, share: float) -> None:
     """The hinge of a cantilever lies a share of an element from its clamp: P (1 - share/n) L = 3/2 M_y."""
     body = {"geometry": h.line(LENGTH), "element": h.element(kind, 4), "material": STEEL,
             "section": {"height": HEIGHT, "width": WIDTH}}
@@ -51,8 +51,8 @@ def test_hinges_that_cannot_lie_at_nodes_are_told(kind: str, share: float) -> No
 @pytest.mark.parametrize(("kind", "height"), [(TYPES[0], 0.2), *(
     pytest.param(kind, height, marks=pytest.mark.slow) for kind, height in (
         (TYPES[0], 0.1), (TYPES[0], 0.05), (TYPES[2], 0.1)))])
-def test_portal_frames_collapse_as_hinges_in_all_their_corners_do(kind: tuple[str, str | None], height: float) -> None:
-    """P h cos(sway) = 4 M_p of clamped columns h under a beam, within 1 % with eight elements in each (Neal 1977)."""
+def test_portal_frames_collapse_with_hinges_in_all_corners(kind: tuple[str, str | None], height: float) -> None:
+    """P h cos(sway) = 4 M_p of clamped columns h under a beam, within 1 % with eight elements each (Neal 1977)."""
     tall, wide, plastic = 3.0, 4.0, 0.25 * YIELD * WIDTH * height**2
     rod = {"section": {"height": height, "width": WIDTH}, "material": STEEL, "element": h.element(kind[0], 8, kind[1])}
     ends = {"left": ([0, 0], [0, tall]), "beam": ([0, tall], [wide, tall]), "right": ([wide, 0], [wide, tall])}
@@ -70,8 +70,8 @@ def test_portal_frames_collapse_as_hinges_in_all_their_corners_do(kind: tuple[st
 
 
 @pytest.mark.parametrize("at", [0.25, 0.5])
-def test_a_clamped_beam_collapses_as_a_hinge_under_its_load_does(at: float) -> None:
-    """P = 2 M_p/(a (1 - a) L) of a load at a L (Neal 1977), with hinges at both sides of the node that bears it."""
+def test_a_clamped_beam_collapses_with_a_hinge_under_its_load(at: float) -> None:
+    """P = 2 M_p/(a (1 - a) L) of a load at a L (Neal 1977), with hinges on both sides of the loaded node."""
     load = 2.0 * 0.25 * YIELD * WIDTH * HEIGHT**2 / (at * (1.0 - at) * 2.0)
     done = ancf2d.solve(h.load(
         {"beam": {"geometry": h.line(2.0), "section": {"height": HEIGHT, "width": WIDTH}, "material": STEEL,
@@ -84,7 +84,7 @@ def test_a_clamped_beam_collapses_as_a_hinge_under_its_load_does(at: float) -> N
 
 
 def two_spans(elements: int, height: float, reaches: float) -> Any:
-    """Push a perfectly plastic beam over two spans of 0.5 m by 6 M_p over a span in the middle of one."""
+    """Push a perfectly plastic beam over two spans of 0.5 m by 6 M_p over a span in the middle of one span."""
     load = 6.0 * 0.25 * YIELD * WIDTH * height**2 / 0.5
     return ancf2d.solve(h.load(
         {"beam": {"geometry": h.line(1.0), "section": {"height": height, "width": WIDTH}, "material": STEEL,
@@ -96,14 +96,14 @@ def two_spans(elements: int, height: float, reaches: float) -> Any:
 
 
 @pytest.mark.slow
-def test_a_path_goes_on_where_a_hinge_is_shared_by_the_elements_at_its_node() -> None:
-    """P = 6 M_p/L (Neal 1977), and on, far beyond: how a node between two hinges turns is left to no round-off."""
+def test_a_path_continues_with_a_hinge_shared_by_two_elements() -> None:
+    """P = 6 M_p/L (Neal 1977), and far beyond: round-off does not decide how a node between two hinges turns."""
     done = two_spans(32, 0.05, -0.08)
     assert done.course_t.max() == pytest.approx(1.0, rel=5e-3)
     assert done.course["load"]["uy"][-1] == pytest.approx(-0.08, rel=1e-9)
 
 
-def test_hinges_that_turn_too_far_within_an_element_are_told() -> None:
+def test_hinges_that_turn_too_far_within_an_element_give_a_warning() -> None:
     with pytest.raises(ComputationError, match="plastic hinges have no stiffness"):
         two_spans(2, 0.1, -0.2)
 
@@ -120,8 +120,8 @@ def test_over_time_a_bar_bears_no_more_than_its_yield_stress() -> None:
     assert "limit load" in error.value.failure.advice
 
 
-def test_paths_go_on_where_all_fibres_of_a_bar_yield_at_once() -> None:
-    """A flat truss bears 2 A s_y sin a once its bars yield, half as much at each end: its path has a corner there.
+def test_paths_continue_if_all_fibres_of_a_bar_yield_at_once() -> None:
+    """A flat truss bears 2 A s_y sin a once its bars yield, half at each end: its path has a corner there.
 
     Without hardening the load falls at once.
     """

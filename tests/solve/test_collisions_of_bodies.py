@@ -1,4 +1,4 @@
-"""Bodies that collide or rub in motion: momentum, energy and restitution."""
+"""Collisions and friction of bodies in motion: momentum, energy and restitution."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ancf2d.solvers.contact import check_pressed_through
 
 
 @pytest.mark.parametrize("law", helpers.chosen(LAWS, ["none"]))
-def test_a_bar_hands_its_velocity_to_an_equal_one(law):
+def test_a_bar_passes_its_velocity_to_an_equal_one(law):
     count, v = 6, 0.01
     section = {"EA": 1.0, "EI": 1e-4, "kGA": 0.3, "rhoA": 1.0, "rhoI": 1e-4}
 
@@ -65,8 +65,8 @@ def test_methods_for_differential_equations_keep_momentum_and_account_for_energy
 
 
 @pytest.mark.slow
-def test_a_block_that_slides_and_chatters_on_a_plank_gets_no_energy():
-    """A force that generalized-alpha carried on into the step in which it ends would do work on what parts: 0.5 %."""
+def test_a_block_that_slides_and_chatters_on_a_plank_gains_no_energy():
+    """A force that generalized-alpha keeps in the step of its release would do 0.5 % of work on separating bodies."""
     alu = {"E": 7e10, "nu": 0.3, "rho": 2700.0}
     bodies = {"plank": helpers.body(helpers.line(1.0), helpers.element("cable", 8), SECTION, alu),
               "block": helpers.body({"type": "line", "start": [0.2, 0.021], "end": [0.4, 0.021]},
@@ -105,7 +105,7 @@ def test_restitution_is_that_of_two_bodies(restitution):
 
 
 @pytest.mark.slow
-def test_how_newtons_method_weighs_gaps_beside_forces_decides_nothing(monkeypatch):
+def test_the_augmentation_constant_has_no_effect(monkeypatch):
     """The constant c of Alart & Curnier, 1 N/m for rigid bodies: the same motion with 1e-6 and 1e6 times as much."""
     ways, own = [], BodyPair._law
     aslant = thrown((1.0, -0.3), ([0, 0.3], [1, 0.3]), ([1.2035, 0], [2.2035, 0.2]), restitution=0.5)
@@ -126,7 +126,7 @@ def test_how_newtons_method_weighs_gaps_beside_forces_decides_nothing(monkeypatc
 
 @pytest.mark.parametrize("dt", [0.3, 0.02])
 @pytest.mark.parametrize(("velocity", "x"), [((0.0, -50.0), 0.25), ((150.0, -50.0), -3.0)], ids=["straight", "aslant"])
-def test_bodies_do_not_pass_through_one_another_however_long_the_steps(velocity, x, dt):
+def test_bodies_do_not_pass_through_one_another_in_long_steps(velocity, x, dt):
     # aslant, it is beside the other neither at the start of the long step nor at its end
     found = ride(thrown(velocity, ([x, 0.5], [x + 1, 0.5]), ([-1, -0.5], [2, -0.5]), restitution=1.0), 0.3, dt=dt,
                  every=1, method="generalized_alpha")
@@ -140,8 +140,8 @@ def test_bodies_do_not_pass_through_one_another_however_long_the_steps(velocity,
 
 
 @pytest.mark.parametrize(("hard", "advice"), [(True, "more elements"), (False, "a stiffer law or none")])
-def test_bodies_pressed_into_one_another_are_told_what_helps(hard: bool, advice: str) -> None:
-    """What has no law is not told to have none."""
+def test_overlapping_bodies_give_advice(hard: bool, advice: str) -> None:
+    """A contact without a law gets no advice on laws."""
     pair = SimpleNamespace(hard=hard, pressed_through=lambda d: "a is 0.01 m deep in b")
     with pytest.raises(ComputationError, match="where contact may no longer hold it") as found:
         check_pressed_through(SimpleNamespace(contacts=[pair]), np.zeros(1), {"t": 0.1})

@@ -1,4 +1,4 @@
-"""Adaptive steps through contact without a law, beside closed forms: errors and their estimates."""
+"""Adaptive steps through contact without a law, compared with closed forms: errors and their estimates."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FLOOR = {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}
 
 
 def ladder_leaves(height: float) -> tuple[float, float]:
-    """Return when the top of a ladder of length 1 leaves the wall, and where its foot is 1 s after the start.
+    """Return the time at which a ladder of length 1 leaves the wall, and the position of its foot after 1 s.
 
     It slides down without friction from rest, its top at this height: w^2 = 3 g (h0 - h)/L, h over L the cosine of its
     angle. The wall pulls no sooner than h = 2/3 h0; from there on its centre moves on along the floor as fast.
@@ -40,7 +40,7 @@ def ladder_leaves(height: float) -> tuple[float, float]:
 
 @pytest.fixture(scope="module")
 def ladders() -> list[tuple[float, ancf2d.Solution]]:
-    """Errors of the foot, relative to its way, and motions for tolerances 1e-5 and 1e-6."""
+    """Errors of the foot, relative to its path, and motions for tolerances 1e-5 and 1e-6."""
     width = 0.3
     height = math.sqrt(1.0 - width * width)
     _, foot = ladder_leaves(height)
@@ -61,19 +61,19 @@ def test_a_ladder_that_slides_down_a_wall_leaves_it_at_two_thirds_of_its_height(
     assert [error < bound for (error, _), bound in zip(ladders, (3e-4, 2e-4), strict=True)] == [True, True]
 
 
-def test_steps_that_end_at_stored_states_are_like_one_another(ladders):
-    """Short steps between long ones make more errors than the long ones: the energy shows it."""
+def test_steps_to_stored_states_have_similar_lengths(ladders):
+    """Short steps between long ones have larger errors than the long ones: the energy shows it."""
     assert ladders[1][1].summary["energy_drift"] < 3e-4
 
 
-def test_the_estimate_through_an_impact_is_of_the_size_of_the_error(ladders):
+def test_the_estimate_through_an_impact_is_close_to_the_error(ladders):
     for error, found in ladders:
         estimate = found.summary["accuracy"]["estimate"]
         assert 0.3 * error < estimate < 30.0 * error
 
 
-def test_states_inside_the_step_of_an_impact_are_on_their_way():
-    """A rod falls flat: until it lands, each state is on its parabola, also where the step ends on the floor."""
+def test_states_inside_the_step_of_an_impact_are_on_the_exact_motion():
+    """A rod falls flat: until it lands, each state is on its parabola, also if the step ends on the floor."""
     height, t_end = 0.5, 0.4
     lands = math.sqrt(2.0 * height / G)
     falls = Ride({"bodies": {"rod": rigid([0, height], [1, height], 2.0, 0.2)}, "loads": FALL,
@@ -88,8 +88,8 @@ def test_states_inside_the_step_of_an_impact_are_on_their_way():
     np.testing.assert_allclose([falls.place("rod@0.5", k)[1] for k in range(len(t))], expected, atol=2e-4 * height)
 
 
-def test_friction_turns_back_with_what_slides():
-    """A block on a spring loses 4 mu N/k of its amplitude in each period; a step is as good as its time of turning."""
+def test_friction_reverses_with_the_sliding():
+    """A block on a spring loses 4 mu N/k of its amplitude per period; accuracy depends on the times of reversal."""
     mass, stiffness, mu, length, t_end = 0.216, 200.0, 0.2, 0.1, 1.0
     shift, half = mu * mass * G / stiffness, math.pi * math.sqrt(mass / stiffness)
     place = length
@@ -110,7 +110,7 @@ def test_friction_turns_back_with_what_slides():
 
 
 def off_a_floor(floor: Callable[[float], float], rate: Callable[[float], float], height: float, t_end: float) -> float:
-    """Return the height at t_end of what falls from rest and bounces off a floor that moves, without a loss."""
+    """Return the height at t_end of a body that falls from rest and bounces off a moving floor without loss."""
     def gap(at: Any, t: float, y: float, v: float) -> Any:
         return y + v * (at - t) - 0.5 * G * (at - t) ** 2 - floor(at)
 
@@ -129,7 +129,7 @@ def off_a_floor(floor: Callable[[float], float], rate: Callable[[float], float],
     ("generalized_alpha", {"tolerance": 1e-4}, 1e-4), ("generalized_alpha", {"tolerance": 1e-6}, 3e-6),
     ("radau5", {"tolerance": 1e-4}, 2e-5), ("radau5", {"dt": 1e-3}, 1e-6)])
 @pytest.mark.parametrize("moves", ["1.0*t", "0.1*sin(9*t)"])
-def test_bounces_off_a_floor_that_moves_keep_the_speed_relative_to_it(moves, method, how, within):
+def test_bounces_off_a_moving_floor_keep_the_relative_speed(moves, method, how, within):
     floor, rate = {"1.0*t": (lambda t: 1.0 * t, lambda t: 1.0),
                    "0.1*sin(9*t)": (lambda t: 0.1 * np.sin(9.0 * t), lambda t: 0.9 * math.cos(9.0 * t))}[moves]
     scene = {"bodies": {"rod": rigid([0.0, 0.5], [1.0, 0.5], 2.0, 0.2)}, "loads": FALL,
@@ -147,7 +147,7 @@ def test_bounces_off_a_floor_that_moves_keep_the_speed_relative_to_it(moves, met
     ({"type": "rigid"}, 0.5, 2.0, True), ({"type": "reissner3", "count": 4}, 0.69, 0.05, True),
     ({"type": "reissner3", "count": 4}, 0.5, 2.0, False)],
     ids=["rigid", "small", "smaller", "middle", "flexible", "node"])
-def test_motions_tell_of_an_obstacle_that_comes_between_the_contact_points(
+def test_motions_report_an_obstacle_between_the_contact_points(
         element: dict[str, Any], x: float, radius: float, missed: bool, law: dict[str, float] | None) -> None:
     """A falling rod, with points at its nodes and in the middle of flexible elements, and a disc below.
 
@@ -165,8 +165,8 @@ def test_motions_tell_of_an_obstacle_that_comes_between_the_contact_points(
     assert len(told) == missed, solved.warnings
 
 
-def test_viscous_bodies_that_are_hit_take_what_they_take_and_move_to_the_tolerance():
-    """Behind an impact rates are off by far more than displacements, and viscous forces are proportional to them."""
+def test_impacts_of_viscous_bodies_are_accurate():
+    """After an impact rates are less accurate than displacements, and viscous forces are proportional to them."""
     def hit(method: str, tolerance: float) -> ancf2d.Solution:
         return ancf2d.solve({
             "bodies": {"rod": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},

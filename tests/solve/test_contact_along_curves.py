@@ -1,4 +1,4 @@
-"""Curved bodies that lie on an obstacle in the reference, where their elements are not quite the curve."""
+"""Curved bodies that lie on an obstacle in the reference, whose elements are not exactly the curve."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RADIUS, HEIGHT, PULL = 0.05, 5e-4, 10.0
 
 
 def rope(element: dict[str, Any], solver: dict[str, Any], friction: float = 0.0) -> dict[str, Any]:
-    """Return a rope around the upper half of a drum, which is held at its start and pulled down at its end."""
+    """Return a rope around the upper half of a drum, fixed at its start and pulled down at its end."""
     axis = {"type": "arc", "center": [0, 0], "radius": RADIUS + HEIGHT / 2, "from": math.pi, "to": 0}
     return {"format": 1, "title": "rope", "solver": solver,
             "bodies": {"rope": {"geometry": axis, "section": {"height": HEIGHT, "width": 0.01},
@@ -43,7 +43,7 @@ def test_a_rope_on_a_drum_slips_at_the_ratio_of_euler_and_eytelwein() -> None:
 
 
 @pytest.mark.slow
-def test_in_motion_the_drum_is_smaller_by_what_the_elements_overlap() -> None:
+def test_in_motion_the_drum_is_smaller_by_the_overlap_of_the_elements() -> None:
     motion = {"type": "dynamic", "t_end": 1e-4, "tolerance": 1e-3, "estimate": False}
     case = rope({"type": "vallejo", "count": 20}, motion)
     model = helpers.build(**case)
@@ -55,7 +55,7 @@ def test_in_motion_the_drum_is_smaller_by_what_the_elements_overlap() -> None:
     assert 0.0 < energies["kinetic"] + energies["strain"] + energies["dissipated"] <= 1.01 * energies["work"]
 
 
-def test_gaps_elsewhere_along_the_rope_are_those_to_the_smaller_drum() -> None:
+def test_gaps_along_the_rope_are_those_to_the_smaller_drum() -> None:
     model = helpers.build(**rope({"type": "vallejo", "count": 20}, {"type": "dynamic", "t_end": 1e-4}))
     (pair,) = model.contacts
     d = np.zeros(len(model.e0))
@@ -65,8 +65,8 @@ def test_gaps_elsewhere_along_the_rope_are_those_to_the_smaller_drum() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["generalized_alpha", "hht"])
-def test_points_that_open_and_close_by_turns_within_round_off_end_no_motion(method: str) -> None:
-    """All of the rope lies on the drum, as it is pulled tight; each point that opens lets its neighbours close."""
+def test_points_that_alternate_within_round_off_do_not_end_a_motion(method: str) -> None:
+    """The whole rope lies on the drum under tension; each point that opens lets its neighbours close."""
     motion = {"type": "dynamic", "t_end": 2e-5, "method": method, "tolerance": 1e-4, "estimate": False}
     solution = ancf2d.solve(rope({"type": "cable", "count": 10}, motion))
     energies = {name: values[-1] for name, values in solution.energies.items()}
@@ -74,6 +74,6 @@ def test_points_that_open_and_close_by_turns_within_round_off_end_no_motion(meth
     assert 0.0 < energies["kinetic"] + energies["strain"] + energies["dissipated"] <= 1.01 * energies["work"]
 
 
-def test_chords_of_a_circle_are_too_deep_in_it() -> None:
+def test_chords_of_a_circle_are_refused() -> None:
     with pytest.raises(CaseError, match="expected rope outside drum"):
         helpers.build(**rope({"type": "reissner2", "count": 20}, {"type": "static"}))

@@ -1,4 +1,4 @@
-"""Statics that begin with bodies that touch, or that nothing holds before they touch."""
+"""Statics of bodies that touch at the start, or that only contact supports."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ def tip(case: dict[str, Any]) -> float:
 @pytest.mark.slow_rows("cable-1e-06", "reissner3-0.0", "reissner3-1e-06")
 @pytest.mark.parametrize("gap", [0.0, 1e-6])
 @pytest.mark.parametrize("kind", ["cable", "reissner3"])
-def test_a_path_begins_where_nothing_moves_yet(kind: str, gap: float) -> None:
-    """The force lifts the end from the first step on, but all displacements may be round-off before."""
+def test_a_path_starts_without_displacements(kind: str, gap: float) -> None:
+    """The force lifts the end from the first step on, but before that all displacements may be round-off."""
     assert tip(scene(kind, "arc_length", gap)) == pytest.approx(-gap, abs=1e-12)
     assert tip(scene(kind, "arc_length", gap, 2.0)) == pytest.approx(tip(scene(kind, "newton", gap, 2.0)), rel=1e-4)
 
 
 @pytest.mark.parametrize("kind", ["cable", "reissner3"])
-def test_a_path_goes_on_where_all_that_moved_is_pressed_down(kind: str) -> None:
-    """Nothing moves any more with the load factor, so no step would move a point too far."""
+def test_a_path_continues_after_all_displacements_vanish(kind: str) -> None:
+    """Nothing moves with the load factor any more, so no step can move a point too far."""
     case = scene(kind, "arc_length", 1e-6, -1.0)
     del case["loads"][0]
     assert tip(case) == pytest.approx(-1e-6, rel=1e-9)
@@ -56,8 +56,8 @@ LAWS = [{}, {"law": {"stiffness": 1e6}}]
 @pytest.mark.slow_rows("newton-law0")
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("method", ["newton", "arc_length"])
-def test_what_nothing_holds_before_it_touches_is_told(method: str, law: dict[str, Any]) -> None:
-    """Where a force, or a path of loads, would have to press a body down; no force does so sideways either."""
+def test_bodies_without_support_before_contact_are_reported(method: str, law: dict[str, Any]) -> None:
+    """A body that a force or a path of loads would have to press down; sideways forces do not support it either."""
     case = scene("reissner3", method, 1e-3, hold="x", **law)
     free = {**case, "boundary_conditions": [], "solver": {"type": "static"}}
     pressed = {**case, "loads": [{"type": "force", "at": "strip@0.5", "value": [0, -9.81]}]}
@@ -101,7 +101,7 @@ def test_a_lever_falls_onto_the_floor(kind: str, law: dict[str, Any]) -> None:
 
 @pytest.mark.slow
 def test_a_rod_falls_to_rest_on_a_rough_floor() -> None:
-    """Nothing holds it but the floor; one that falls beside what it could touch is told of at once."""
+    """Only the floor supports it; a rod that would miss every obstacle is reported at once."""
     case = scene("cable", "newton", 0.3, friction=0.3)
     case["boundary_conditions"] = []
     case["bodies"]["strip"]["geometry"]["end"] = [1.0, 0.1]
@@ -117,7 +117,7 @@ def test_a_rod_falls_to_rest_on_a_rough_floor() -> None:
 
 @pytest.mark.slow
 def test_a_soft_ring_sinks_to_the_floor_and_not_through_it() -> None:
-    """It collapses under its weight, far from any path of equilibria, and comes to lie on what is under it."""
+    """It collapses under its weight, far from any path of equilibria, and comes to rest on the floor."""
     R, height, width, rho = 0.234, 0.01, 0.05, 1000.0
     piece = {"arc": R, "angle": np.pi}
     case = {"format": 1, "bodies": {"ring": {
@@ -149,7 +149,7 @@ LIFT, WEIGHT = 2.0, 9.81
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("kind", ["cable", "reissner3", "vallejo", "rigid"])
 def test_a_chain_lies_on_a_floor_that_its_joint_touches_twice(kind: str, friction: float) -> None:
-    """The ends that a pin joins have one gap between them. A lifted end rises by q a^4/(24 E I) where a = 2 F/q.
+    """The pinned ends have one common gap. A lifted end rises by q a^4/(24 E I) with a = 2 F/q.
 
     Rigid bodies lie as they are: nothing there has any stiffness but that of round-off in the directions of forces.
     """
@@ -169,7 +169,7 @@ def test_a_chain_lies_on_a_floor_that_its_joint_touches_twice(kind: str, frictio
     assert bears == pytest.approx(2.0 * WEIGHT - LIFT, rel=1e-9)
 
 
-def test_obstacles_at_one_place_bear_a_body_together() -> None:
+def test_coinciding_obstacles_support_a_body_together() -> None:
     case = scene("reissner3", "newton", force=LIFT)
     case["obstacles"]["second"] = dict(case["obstacles"]["floor"])
     case["contacts"].append({**case["contacts"][0], "between": ["strip", "second"]})
@@ -179,7 +179,7 @@ def test_obstacles_at_one_place_bear_a_body_together() -> None:
 
 
 @pytest.mark.parametrize("kind", ["vallejo", "reissner3", "cable"])
-def test_faces_of_a_body_that_tapers_are_half_its_height_from_its_axis(kind: str) -> None:
+def test_faces_of_a_tapered_body_are_half_its_height_from_its_axis(kind: str) -> None:
     case = scene(kind, "newton", 0.3, side="surface")
     case["bodies"]["strip"]["section"]["height"] = "0.2 - 0.1*s"
     (pair,) = helpers.build(**case).contacts
@@ -191,7 +191,7 @@ def test_faces_of_a_body_that_tapers_are_half_its_height_from_its_axis(kind: str
 
 @pytest.mark.parametrize("drive", ["prescribed", "clamp"])
 def test_a_flat_follower_rests_on_a_cam_with_both_corners(drive: str) -> None:
-    """A guided rigid bar can only move up and down, and the supports move the cam: two contacts, one unknown."""
+    """A guided rigid bar moves only up and down, and the supports move the cam: two contacts, one unknown."""
     angle, height, stiffness = 0.3 if drive == "prescribed" else 0.0, 0.02, 50.0
     turn = {"x": 0, "y": 0, "angle": {"type": "ramp", "scale": angle}} if drive == "prescribed" else {}
 

@@ -1,4 +1,4 @@
-"""Contact of bodies that a joint holds together: beside it nothing touches, further along they do."""
+"""Contact of jointed bodies: no contact near the joint, contact further along."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def link(start: Any, end: Any, count: int = 4) -> dict[str, Any]:
 
 
 def folded(**contact: Any) -> ancf2d.Solution:
-    """Return the motion of a bar that hangs on the end of a clamped one by a pin, and swings until it folds onto it."""
+    """Return the motion of a bar that hangs from a clamped one by a pin, and swings until it folds onto it."""
     return ancf2d.solve({
         "bodies": {"fixed": link([0, 0], [1, 0]), "free": link([1, 0], [2, 0])},
         "boundary_conditions": [{"type": "clamp", "at": "fixed@0"}],
@@ -35,7 +35,7 @@ def folded(**contact: Any) -> ancf2d.Solution:
 
 
 def balance(found: ancf2d.Solution) -> tuple[float, float]:
-    """Return the smallest and largest energy over the motion, with what was dissipated, beside the largest there is."""
+    """Return the smallest and largest energy over the motion, including dissipation, over the largest energy."""
     e = found.energies
     total = e["kinetic"] + e["strain"] + e["potential"] - e["work"] + e["dissipated"]
     size = float((e["kinetic"] + e["strain"]).max())
@@ -44,7 +44,7 @@ def balance(found: ancf2d.Solution) -> tuple[float, float]:
 
 @pytest.mark.slow
 def test_links_that_fold_onto_each_other_keep_their_energy():
-    """A layer pushes from where faces begin to overlap, not from where they pass a distance from the joint."""
+    """A layer pushes from where faces begin to overlap, not from a distance from the joint."""
     free, layer = folded(), folded(law={"stiffness": 1e6})
     assert free.course["tip"]["theta"][-1] < -2.85
     # folded to a sharp angle, and held back
@@ -63,8 +63,8 @@ def test_links_that_fold_onto_each_other_without_a_law_gain_nothing():
 
 @pytest.mark.slow_rows("order1")
 @pytest.mark.parametrize("order", [("one", "two"), ("two", "one")])
-def test_tongs_touch_at_their_ends_alone(order):
-    """A bent arm, pinned to the end of a bar that it overlaps there, is pressed down until its other end bears on it.
+def test_tongs_touch_only_at_their_ends(order):
+    """A bent arm, pinned to the end of a bar that it overlaps there, is pressed down until its other end touches it.
 
     About the pin, the force F on that end is carried by the contact below it, but for a soft spring.
     """
@@ -89,7 +89,7 @@ def test_tongs_touch_at_their_ends_alone(order):
 @pytest.mark.parametrize("angle", [15.0, 45.0, 80.0])
 @pytest.mark.parametrize("law", [{"stiffness": 1e6}, None])
 def test_a_sharp_corner_of_a_body_does_not_push_its_arms_apart(angle, law):
-    """Beside a corner the arms of a bracket overlap: while they do not close, it bends as without contact."""
+    """Near a corner the arms of a bracket overlap: unless they close, it bends as without contact."""
     def tip(**scene: Any) -> Any:
         c, s = float(np.cos(np.radians(angle))), float(np.sin(np.radians(angle)))
         bracket = link([0, 0], [1, 0], 16)
@@ -104,8 +104,8 @@ def test_a_sharp_corner_of_a_body_does_not_push_its_arms_apart(angle, law):
 
 @pytest.mark.slow_rows("None")
 @pytest.mark.parametrize("law", [{"stiffness": 1e6}, None])
-def test_a_loop_that_a_pin_closes_touches_nothing_there(law):
-    """Ends of one body that a joint holds together overlap, too."""
+def test_a_loop_closed_by_a_pin_has_no_contact_there(law):
+    """Jointed ends of one body overlap, too."""
     def top(**scene: Any) -> Any:
         loop = link([0, 0], [1, 0], 12)
         loop["geometry"] = {"type": "polyline", "points": [[0, 0], [0.5, 0.5], [1, 0], [0, 0]]}
@@ -118,7 +118,7 @@ def test_a_loop_that_a_pin_closes_touches_nothing_there(law):
     np.testing.assert_allclose(touching, top(), rtol=0, atol=1e-9)
 
 
-def test_bodies_that_are_no_more_than_their_joint_are_refused():
+def test_bodies_within_the_overlap_of_their_joint_are_refused():
     with pytest.raises(CaseError, match=r"contacts\.0: all of a and b is so near to a joint of both"):
         h.build({"a": link([0, 0], [0.01, 0], 1), "b": link([0.01, 0], [0.02, 0], 1)},
                 joints=[{"type": "pin", "between": ["a@1", "b@0"]}], contacts=[{"between": ["a", "b"]}])

@@ -1,4 +1,4 @@
-"""Motions that begin or come to where supports, joints and other points hold the gap of a point already."""
+"""Motions in which supports, joints and other points already fix the gap of a contact point."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ METHODS = "generalized_alpha", "radau5"
 
 
 def body(kind: str, start: float = 0.0, y: float = 0.0, end: tuple[float, float] | None = None) -> dict[str, Any]:
-    """Return a body of the length L, from a place on."""
+    """Return a body of length L from a position."""
     element = {"type": "rigid"} if kind == "rigid" else {"type": kind, "count": 4}
     to = [start + L, y] if end is None else list(end)
     return {"geometry": {"type": "line", "start": [start, y], "end": to}, "element": element, **BEAM}
@@ -43,7 +43,7 @@ def borne(solution: Any) -> float:
 @helpers.pairwise(support=[{"type": "pin", "at": "rod@0"}, {"type": "roller", "at": "rod@0", "fixed": "y"},
                            {"type": "pin", "at": "rod@0.5"}],
                   kind=["cable", "reissner2", "rigid"], side=["axis", "surface"], method=METHODS)
-def test_a_rod_lies_still_where_a_support_holds_it_on_the_floor(support, kind, side, method):
+def test_a_rod_lies_still_if_a_support_holds_it_on_the_floor(support, kind, side, method):
     found = ancf2d.solve(scene({"rod": body(kind)}, [{"name": "held", **support}], side, method))
     assert np.abs(found.d).max() < 1e-12 * L
     assert borne(found) == pytest.approx(MASS * G, rel=1e-9)
@@ -52,7 +52,7 @@ def test_a_rod_lies_still_where_a_support_holds_it_on_the_floor(support, kind, s
 @pytest.mark.parametrize("joint", ["pin", "weld"])
 @pytest.mark.parametrize("kind", ["cable", "rigid"])
 @pytest.mark.parametrize("side", ["axis", "surface"])
-def test_bodies_lie_still_that_are_joined_where_both_touch(side, kind, joint):
+def test_bodies_joined_at_a_common_contact_lie_still(side, kind, joint):
     found = ancf2d.solve(scene({"rod": body(kind), "other": body(kind, start=L)}, [], side, METHODS[0], joints=[
         {"type": joint, "between": ["rod@1", "other@0"]}]))
     assert np.abs(found.d).max() < 1e-12 * L
@@ -63,7 +63,7 @@ def test_bodies_lie_still_that_are_joined_where_both_touch(side, kind, joint):
 @pytest.mark.parametrize(("kind", "method", "at"), [
     ("reissner3", "generalized_alpha", 0), ("reissner3", "radau5", 0.5), ("cable", "generalized_alpha", 1),
     ("cable", "radau5", 0.5)])
-def test_a_beam_falls_flat_about_a_pin_on_one_that_lies_on_the_floor(kind, method, at):
+def test_a_beam_falls_flat_about_a_pin_onto_one_on_the_floor(kind, method, at):
     """Once it lies there, both have nearly one gap at the pin: h/4 theta^2 apart, and one of two forces would pull."""
     angle = 0.05
     end = at + L * math.cos(angle), L * math.sin(angle)
@@ -81,7 +81,7 @@ def test_a_beam_falls_flat_about_a_pin_on_one_that_lies_on_the_floor(kind, metho
 
 
 @pytest.mark.parametrize("kind", ["reissner3", "rigid"])
-def test_a_body_lies_still_that_is_pinned_where_it_lies_on_another_one(kind):
+def test_a_body_pinned_where_it_lies_on_another_lies_still(kind):
     case = scene({"rod": body(kind), "low": body("rigid", y=-HEIGHT)},
                  [{"name": "held", "type": "pin", "at": "rod@0"}, {"name": "wall", "type": "clamp", "at": "low@0"}],
                  "surface", METHODS[0])
@@ -93,7 +93,7 @@ def test_a_body_lies_still_that_is_pinned_where_it_lies_on_another_one(kind):
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("end", [0, 1])
-def test_either_end_of_a_rod_that_is_pinned_in_its_middle_bears_the_force_on_it(end, method):
+def test_either_end_of_a_rod_pinned_in_its_middle_bears_the_force_on_it(end, method):
     """The gaps of both ends follow from one angle: while both touch, only one of them is a constraint."""
     F = 7.0
     case = scene({"rod": body("rigid")}, [{"name": "held", "type": "pin", "at": "rod@0.5"}], "surface", method)
@@ -122,7 +122,7 @@ def test_a_pinned_rod_that_falls_flat_onto_the_floor_lies_still(side, method):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_rod_of_three_points_bounces_as_one_of_two(method):
+def test_a_rod_with_three_points_bounces_like_one_with_two(method):
     """The gap of the middle follows from those of the ends."""
     fall = 0.1
     rod = {"geometry": {"type": "polyline", "points": [[0, fall], [L / 2, fall], [L, fall]]},
@@ -146,7 +146,7 @@ def test_a_support_that_moves_into_the_floor_ends_the_motion_with_a_reason(metho
 
 @pytest.mark.slow_rows("cable-radau5")
 @pytest.mark.parametrize(("kind", "method"), [("cable", METHODS[0]), ("cable", METHODS[1]), ("reissner3", METHODS[0])])
-def test_a_motion_ends_where_the_place_about_which_a_section_turns_comes_into_the_floor(kind, method):
+def test_a_motion_ends_if_the_pivot_of_a_section_enters_the_floor(kind, method):
     """The floor rises to the axis of a pinned beam, whose face it meets before."""
     case = scene({"rod": body(kind)}, [{"type": "pin", "at": "rod@0"}], "surface", method)
     rises = {"type": "ramp", "scale": HEIGHT, "t0": 0, "t1": 0.1}
@@ -161,7 +161,7 @@ def test_a_motion_ends_where_the_place_about_which_a_section_turns_comes_into_th
 @pytest.mark.parametrize("moved", ["support", "floor"])
 @pytest.mark.parametrize("kind", ["cable", "reissner2", "reissner3", "vallejo"])
 def test_a_support_that_moves_into_the_floor_ends_statics_with_a_reason(kind, moved):
-    """Just where it meets the floor; up to there, the path is found."""
+    """Exactly where it meets the floor; up to there, the path is found."""
     gap, way = 0.05, {"type": "ramp", "scale": 0.08}
     down = {"type": "prescribed", "at": "rod@1", "ux": 0, "uy": {**way, "scale": -0.08}}
     supports = [{"type": "clamp", "at": "rod@0"}, down if moved == "support" else {"type": "pin", "at": "rod@1"}]
@@ -177,8 +177,8 @@ def test_a_support_that_moves_into_the_floor_ends_statics_with_a_reason(kind, mo
 
 @pytest.mark.slow_rows("cable", "reissner3")
 @pytest.mark.parametrize("kind", ["cable", "reissner3", "vallejo"])
-def test_statics_end_where_the_place_about_which_a_section_turns_comes_into_the_floor(kind):
-    """The face there meets the floor before, and turns about the point that a support moves."""
+def test_statics_end_if_the_pivot_of_a_section_enters_the_floor(kind):
+    """The face there meets the floor before, and turns about the moved point."""
     gap, way = 0.05, 0.08
     down = {"type": "prescribed", "at": "rod@1", "ux": 0, "uy": {"type": "ramp", "scale": -way}}
     case = scene({"rod": body(kind)}, [{"type": "clamp", "at": "rod@0"}, down], "surface", "",

@@ -1,4 +1,4 @@
-"""How far a body is off an obstacle between its contact points: closed forms, and what runs tell of it."""
+"""Error of contact due to an obstacle between contact points: closed forms, and warnings of runs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def pressed(obstacle: dict[str, Any], count: int, solver: dict[str, Any]) -> anc
 
 
 @pytest.mark.parametrize(("x", "depth"), [(0.5, 0.004), (0.34, 0.004), (0.93, 0.001), (1.0, 0.001), (1.02, 0.001)])
-def test_a_straight_rod_in_a_disc_is_off_by_what_its_gauss_points_miss(x: float, depth: float) -> None:
+def test_the_error_of_a_straight_rod_in_a_disc_is_that_of_its_gauss_points(x: float, depth: float) -> None:
     """The depth at s from the middle is R - sqrt((R - D)^2 + s^2), whose integral has a closed form.
 
     A disc beyond the end of the rod is deepest there.
@@ -68,7 +68,7 @@ def test_a_straight_rod_in_a_disc_is_off_by_what_its_gauss_points_miss(x: float,
 @pytest.mark.parametrize(("obstacle", "count", "told"), [(DISC, 16, False), (SMALL, 8, True), (CORNER, 8, True),
                                                          (CORNER, 64, False)],
                          ids=["disc", "small", "corner", "fine"])
-def test_equilibria_tell_of_an_obstacle_between_the_points_of_a_layer(
+def test_equilibria_report_an_obstacle_between_the_points_of_a_layer(
         obstacle: dict[str, Any], count: int, told: bool, solver: dict[str, Any]) -> None:
     if count == 64 and "method" in solver:
         pytest.skip("the same states, more slowly")
@@ -76,7 +76,7 @@ def test_equilibria_tell_of_an_obstacle_between_the_points_of_a_layer(
     assert sum("deep in it between its contact points" in w for w in warnings) == told, warnings
 
 
-def test_what_lies_beyond_the_last_point_of_an_axis_is_told_to_touch_none() -> None:
+def test_an_obstacle_beyond_the_last_point_of_an_axis_is_reported() -> None:
     """The end of a pinned rod falls through a disc that its Gauss points, up to S = 0.93, pass by."""
     solved = ancf2d.solve({
         "bodies": {"rod": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
@@ -88,20 +88,20 @@ def test_what_lies_beyond_the_last_point_of_an_axis_is_told_to_touch_none() -> N
     assert [w for w in solved.warnings if "deep in disc between its contact points, none of which touches it" in w]
 
 
-def test_where_nothing_is_told_forces_are_those_of_a_fine_mesh() -> None:
+def test_without_a_warning_forces_are_those_of_a_fine_mesh() -> None:
     coarse, fine = (pressed(DISC, count, {"type": "static"}).summary["contacts"][0]["force"][1] for count in (16, 64))
     assert coarse == pytest.approx(fine, rel=1e-3)
 
 
 def upright(element: dict[str, Any], x: float, y: float, length: float) -> dict[str, Any]:
-    """Return a rod that stands on its end at (x, y)."""
+    """Return a vertical rod with its end at (x, y)."""
     return {**rod(element), "geometry": {"type": "line", "start": [x, y + length], "end": [x, y]}}
 
 
 @pytest.mark.parametrize("flipped", [False, True])
 @pytest.mark.parametrize("x", [0.5, 0.5 + 0.5 * leggauss(4)[0][2]], ids=["between", "at a point"])
-def test_the_end_of_a_rod_in_another_is_off_by_what_the_points_of_both_miss(x: float, flipped: bool) -> None:
-    """The end bears k h D/2 on its own points; what the points of the other rod bear is their weight times k D/2."""
+def test_the_error_of_the_end_of_a_rod_in_another_is_that_of_the_points_of_both(x: float, flipped: bool) -> None:
+    """The end bears k h D/2 at its own points; the points of the other rod bear their weight times k D/2."""
     h, depth = 0.02, 2e-4
     names = ["post", "rod"][::-1 if flipped else 1]
     solved = ancf2d.solve({
@@ -117,7 +117,7 @@ def test_the_end_of_a_rod_in_another_is_off_by_what_the_points_of_both_miss(x: f
 
 
 def short_post(count: int, flipped: bool = False) -> ancf2d.Solution:
-    """Return a short cantilever that the end of a post is pressed on, upright."""
+    """Return a short cantilever with the end of an upright post pressed on it."""
     element = {"type": "reissner3", "count": count}
     beam = {**rod(element), "geometry": {"type": "line", "start": [0, 0], "end": [0.2, 0]}}
     bodies = {"rod": beam, "post": upright(element, 0.11, 0.01, 0.2)}
@@ -129,8 +129,8 @@ def short_post(count: int, flipped: bool = False) -> ancf2d.Solution:
         "contacts": [{"between": names, "law": {"stiffness": 1e8}}], "solver": {"type": "static"}}, states=False)
 
 
-def test_equilibria_of_two_bodies_tell_of_a_layer_that_their_points_do_not_see() -> None:
-    """How far they are off is how far the force is, whichever is listed first."""
+def test_equilibria_of_two_bodies_report_an_overlap_between_their_points() -> None:
+    """The reported error is the error of the force, in either order of the bodies."""
     solved = short_post(1), short_post(1, True), short_post(6), short_post(8)
     force = [abs(each.summary["contacts"][0]["force"][1]) for each in solved]
     off = [each.summary["contact_error"] for each in solved]

@@ -1,4 +1,4 @@
-"""Contact beside closed forms: walls, knife edges, a layer before a wall, a disc that rolls, belts that slip."""
+"""Contact compared with closed forms: walls, knife edges, a layer before a wall, a rolling disc, slipping belts."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from motions import ride, rigid
 from scipy.optimize import brentq
 
 from ancf2d.solvers.contact import contact_report
-from ancf2d.solvers.post import reactions
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state_results import reactions
 
 STIFF = {"EA": 1e7, "EI": 1.0, "rhoA": 1.0, "kGA": 1e7, "rhoI": 1e-6}
 EULER = math.pi**2
 
 
-def test_a_beam_that_buckles_is_stopped_by_a_wall() -> None:
-    """Half of a clamped column: straight to 4 Euler loads, then pressed on the wall at a point up to 16 of them."""
+def test_a_wall_stops_a_buckled_beam() -> None:
+    """Half of a clamped column: straight up to 4 Euler loads, then pressed on the wall at a point up to 16 of them."""
     gap, most = 0.01, 15.75
     model = h.build(
         {"beam": h.body(h.line(0.5), h.element("cable", 16), STIFF)}, {"type": "static", "steps": 15},
@@ -50,7 +50,7 @@ def test_a_beam_that_buckles_is_stopped_by_a_wall() -> None:
 
 
 @pytest.mark.parametrize("name", h.chosen(["cable", "reissner3"], ["cable"]))
-def test_a_beam_is_pressed_through_round_supports_beyond_the_most_that_it_bears(name: str) -> None:
+def test_a_beam_is_pressed_through_round_supports_beyond_its_largest_load(name: str) -> None:
     """Three-point bending: the beam slides on the supports, and the force passes its maximum; by elastica."""
     edge, radius, down = 0.5, 0.05, 0.35
     model = h.build(
@@ -72,7 +72,7 @@ def test_a_beam_is_pressed_through_round_supports_beyond_the_most_that_it_bears(
     assert 0 < np.argmax(pressed) < len(pressed) - 1
 
 
-def test_a_bar_hits_a_layer_and_leaves_as_its_waves_say() -> None:
+def test_a_bar_hits_a_layer_and_rebounds_with_its_waves() -> None:
     """Duration, force and rebound by d'Alembert: the momentum of the bar at all times."""
     stiffness, v, gap = 10.0, 0.01, 0.005
     section = {"EA": 1.0, "EI": 1e-4, "kGA": 0.3, "rhoA": 1.0, "rhoI": 1e-4}
@@ -125,8 +125,7 @@ def test_a_disc_rolls_down_a_slope_or_slides(mu: float) -> None:
 
 
 def two_pulleys(first: float, second: float, pull: float, radius: float, **how: Any) -> Any:
-    """Return a belt around two pulleys that a force pulls apart, from the beginning; the first turns, the second is
-    held."""
+    """Return a belt around two pulleys pulled apart by a force; the first one turns, the second one is fixed."""
     apart, angle = 0.2, {"type": "table", "t": [0, 0.2, 1], "value": [0, 0, 0.02]}
     pieces = [{"line": apart}, {"arc": radius, "angle": math.pi}] * 2
     belt = {"geometry": {"type": "path", "start": [0, -radius], "heading": 0, "closed": True, "pieces": pieces},
@@ -150,7 +149,7 @@ def two_pulleys(first: float, second: float, pull: float, radius: float, **how: 
 @pytest.mark.slow
 @pytest.mark.parametrize(("first", "second"), [(0.5, 0.3)])
 def test_a_belt_bears_the_torque_at_which_it_slips_on_one_of_two_pulleys(first: float, second: float) -> None:
-    """T1/T2 = exp(mu pi) of the pulley that grips less, T1 + T2 = the force that pulls them apart.
+    """T1/T2 = exp(mu pi) of the pulley with less grip, T1 + T2 = the force that pulls them apart.
 
     Here the driven one, and in ``cases/contact/two_pulleys.yaml`` the other.
     """

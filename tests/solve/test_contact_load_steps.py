@@ -1,4 +1,4 @@
-"""Load steps and paths with obstacles: cut steps, steps past an obstacle, and bodies that snap over its corner."""
+"""Load steps and paths with obstacles: cut steps, steps past an obstacle, and snap over a corner."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from test_contact_statics import CLAMP, strip
 from ancf2d.elements.contact_geometry import STATUS
 from ancf2d.errors import ComputationError
 from ancf2d.solvers.contact import contact_report
-from ancf2d.solvers.post import reactions
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state_results import reactions
 from ancf2d.solvers.statics import static
 
 
-def test_points_of_a_load_step_that_is_cut_are_open_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first step, in which the strip touches, is refused: the next one begins where nothing touches."""
+def test_a_cut_load_step_reopens_its_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first step, in which the strip touches, is rejected: the next one starts without contact."""
     tried, touched = [], []
 
     def refused(model, *state):
@@ -42,7 +42,7 @@ def test_points_of_a_load_step_that_is_cut_are_open_again(monkeypatch: pytest.Mo
 
 
 def test_no_step_leads_past_a_disc_between_two_nodes() -> None:
-    """The first equilibrium of a step has come into a disc from above, beyond its centre, or past it."""
+    """The first equilibrium of a step may be inside a disc, beyond its centre, or past it."""
     x, radius, found = 0.8, 0.04, []
     for steps in (1, 20):
         solution = helpers.Solution(strip(
@@ -59,8 +59,8 @@ def test_no_step_leads_past_a_disc_between_two_nodes() -> None:
     (0.0, 5e-6, 1e-6),
     # the tip touches
     (0.05, 1e-9, 1e-8)])
-def test_arc_length_passes_the_states_of_load_steps_that_touch(gap: float, force: float, place: float) -> None:
-    """A cantilever comes down on a disc, between two nodes or with its tip, in the same state by either method."""
+def test_arc_length_passes_the_states_of_load_steps_in_contact(gap: float, force: float, place: float) -> None:
+    """A cantilever touches a disc, between two nodes or with its tip, in the same state by either method."""
     scene = {"bc": [CLAMP], "loads": [{"type": "force", "at": "beam@0.5", "value": [0, -2]}],
              "obstacles": {"solid": {"type": "circle", "center": [1, -0.1 - gap], "radius": 0.1}}}
     arc = {"type": "static", "method": "arc_length", "until": {"load_factor": 1}}
@@ -73,7 +73,7 @@ def test_arc_length_passes_the_states_of_load_steps_that_touch(gap: float, force
 
 
 def hook(steps, ends):
-    """Return a hook above a catch that moves in from the right: places of the catch at shares of the steps."""
+    """Return a hook above a catch that moves in from the right: positions of the catch at shares of the steps."""
     data = helpers.body(
         {"type": "polyline", "points": [[0, 0], [0.02, 0], [0.02, -0.003]]}, helpers.element("reissner3", 8),
         {"height": 0.0015, "width": 0.005}, {"E": 2.4e9, "nu": 0.38})
@@ -86,13 +86,13 @@ def hook(steps, ends):
 
 
 def tip(model, state):
-    """Return the place of the tip of the hook."""
+    """Return the position of the tip of the hook."""
     return np.array([0.02, -0.003]) + state.d[model.n_q - 3:model.n_q - 1]
 
 
 @pytest.mark.parametrize("steps", [20, 40])
-def test_a_tip_that_has_gone_over_a_corner_leaves_it_behind(steps):
-    """The nose of a hook climbs the slope of a catch that moves in below it, and stands on its crest then.
+def test_a_tip_beyond_a_corner_leaves_the_corner(steps):
+    """The nose of a hook climbs the slope of a catch that moves in below it, and then stands on its crest.
 
     The corner between these is next to the axis beside the tip there; it was taken to be inside the nose, and held it.
     """
@@ -106,8 +106,8 @@ def test_a_tip_that_has_gone_over_a_corner_leaves_it_behind(steps):
     assert abs(force["fx"]) < 1e-9 * abs(force["fy"])
 
 
-def test_a_hook_that_snaps_over_a_corner_goes_on_and_says_so():
-    """On the flank of the catch the nose is pushed along the arm, on the crest it is not: there is nothing between.
+def test_a_hook_snaps_over_a_corner_with_a_warning():
+    """The flank of the catch pushes the nose along the arm, the crest does not, and there is nothing in between.
 
     The tip leaves the flank at its corner and stands where that of a hook is whose catch has moved in.
     """

@@ -1,4 +1,4 @@
-"""Energy where bodies of materials with memory meet obstacles without a law: internal strains take their share."""
+"""Energy in contacts without a law of materials with memory: internal strains store a part."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def fallen(method: str, restitution: float, material: str, interval: float, **ho
 
 
 def balance(found: ancf2d.Solution) -> tuple[Array, Array]:
-    """Return the energy that there is at all states, and with what was dissipated, beside the largest."""
+    """Return the energy of all states, also with dissipation, relative to the largest."""
     e = found.energies
     there = e["kinetic"] + e["strain"] + e["potential"] - e["work"]
     size = (e["kinetic"] + e["strain"]).max()
@@ -46,7 +46,7 @@ def balance(found: ancf2d.Solution) -> tuple[Array, Array]:
 
 @pytest.mark.slow_rows("radau5-1.0-yields")
 @h.covering(method=["generalized_alpha", "radau5"], restitution=[0.0, 1.0], material=["relaxes", "yields"])
-def test_what_is_lost_is_dissipated_and_no_bounce_gives_energy(method, restitution, material):
+def test_energy_lost_is_dissipated_and_no_bounce_adds_energy(method, restitution, material):
     there, whole = balance(fallen(method, restitution, material, 5e-3, tolerance=1e-6))
     assert (there - np.minimum.accumulate(there)).max() < 1e-6
     # what is left out is lost to the steps that impacts are made in
@@ -55,15 +55,15 @@ def test_what_is_lost_is_dissipated_and_no_bounce_gives_energy(method, restituti
 
 
 @pytest.mark.slow
-def test_energy_inside_steps_of_radau5_is_that_of_what_relaxes_there():
+def test_energy_inside_steps_of_radau5_includes_relaxation():
     found = fallen("radau5", 0.0, "relaxes", 0.5 / 777, dt=1e-2)
     before = found.t < 0.2
     _, whole = balance(found)
     assert np.ptp(whole[before]) < 1e-6
 
 
-def test_fixed_steps_of_radau5_stay_as_long_as_they_are():
-    """They would shrink without end where what relaxes seemed to gain energy."""
+def test_fixed_steps_of_radau5_keep_their_length():
+    """They would shrink endlessly if relaxation seemed to gain energy."""
     found = ride(strip(0.0, RELAXES), 0.1, every=1, method="radau5", dt=2e-3)
     assert np.median(np.diff([row.t for row in found.rows])) == pytest.approx(2e-3)
     assert len(found.rows) < 60

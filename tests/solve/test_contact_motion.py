@@ -1,4 +1,4 @@
-"""Contact without a law in motion: impacts, rest, sliding and rolling, against closed forms."""
+"""Contact without a law in motion: impacts, rest, sliding and rolling, compared with closed forms."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def scene(rod: dict[str, Any] = FLAT, obstacles: Any = FLOOR, loads: Any = FALL,
 
 def flung(velocity: tuple[float, float], rod: dict[str, Any] = FLAT, obstacles: Any = FLOOR, **contact: Any,
           ) -> dict[str, Any]:
-    """Return a rod without weight that is thrown at an obstacle."""
+    """Return a weightless rod that is thrown at an obstacle."""
     return {**scene(rod, obstacles, [], **contact), "initial": {"velocity": list(velocity)}}
 
 
@@ -42,7 +42,7 @@ def middle(found: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def lost(found: Any) -> float:
-    """Return the energy that contact took."""
+    """Return the energy lost in contact."""
     return float(found.rows[-1].lost)
 
 
@@ -56,7 +56,7 @@ def test_a_rod_that_falls_flat_lies_still_where_it_lands():
     assert lost(found) == pytest.approx(MASS * G * HEIGHT, rel=1e-10)
 
 
-def test_bounces_come_at_their_times_and_heights():
+def test_bounces_have_the_right_times_and_heights():
     found = ride(scene(restitution=0.8), 1.5, dt=5e-4, every=1)
     t, y = middle(found)
     times, heights = references.bounces(HEIGHT, 0.8, G, 3)
@@ -68,7 +68,7 @@ def test_bounces_come_at_their_times_and_heights():
 
 
 @pytest.mark.parametrize("dt", [3e-2, 1e-3])
-def test_elastic_bounces_go_on_for_ever(dt):
+def test_elastic_bounces_continue_forever(dt):
     found = ride(scene(restitution=1.0), 4000 * dt, dt=dt, states=50)
     total, _ = found.totals()
     assert total == pytest.approx(total[0] * np.ones_like(total), abs=1e-9 * MASS * G * HEIGHT)
@@ -84,7 +84,7 @@ def test_a_bouncing_rod_gains_no_energy_in_100000_steps():
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.6])
-def test_a_rod_that_hits_a_stop_turns_as_its_impulse_says(restitution):
+def test_a_rod_that_hits_a_stop_turns_by_its_impulse(restitution):
     # the stop is 0.3 to the right of the middle
     peg = {"peg": {"type": "polyline", "points": [[0.95, 0.3], [1.05, 0.3]]}}
     found = ride(flung((0, -2.0), obstacles=peg, restitution=restitution), 0.1005, dt=1e-3)
@@ -101,8 +101,7 @@ def test_a_rod_that_hits_a_stop_turns_as_its_impulse_says(restitution):
 @pytest.mark.parametrize(("friction", "restitution", "sticks"), [
     (0.1, 0.0, False), (0.1, 0.4, False), (1.0, 0.4, True)])
 def test_an_impact_with_friction_is_that_of_a_rigid_body(friction, restitution, sticks):
-    """A rod hits the floor with one end and sticks or slides there; the impact is within a step, in which it
-    turns by 1e-3."""
+    """A rod hits the floor with one end and sticks or slides; the step of the impact turns it by 1e-3."""
     arm, before = 0.5 * np.array([math.cos(0.7), math.sin(0.7)]), np.array([2.5, -3.0, 0.0])
     start = np.array([0.0, arm[1] + 0.0289])
     rod = rigid(list(start - arm), list(start + arm), MASS, INERTIA)
@@ -121,7 +120,7 @@ def test_an_impact_with_friction_is_that_of_a_rigid_body(friction, restitution, 
 
 @pytest.mark.parametrize("restitution", [pytest.param(0.0, marks=pytest.mark.slow), 0.5])
 def test_a_rod_that_falls_flat_slides_on_more_slowly(restitution):
-    """Both ends hit at once: friction takes its share of the whole impulse, and no more than stops the rod."""
+    """Both ends hit at once: friction acts on the whole impulse, and at most stops the rod."""
     fall = math.sqrt(2.0 * G * HEIGHT)
     for friction in (0.2, 5.0):
         slides = {**scene(friction=friction, restitution=restitution), "initial": {"velocity": [4.0, 0.0]}}
@@ -131,9 +130,8 @@ def test_a_rod_that_falls_flat_slides_on_more_slowly(restitution):
         assert rate == pytest.approx(max(4.0 - friction * (1.0 + restitution) * fall, 0.0), abs=1e-2)
 
 
-def test_friction_has_all_that_presses_in_the_step_of_an_impact():
-    """A rod falls flat within a step, and lies: friction mu times the whole impulse m g t slows it down, to round-off.
-    """
+def test_friction_has_the_whole_impulse_in_the_step_of_an_impact():
+    """A rod falls flat within a step and stays: friction mu times the impulse m g t slows it down, to round-off."""
     slides = {**scene(friction=0.2), "initial": {"velocity": [4.0, 0.0]}}
     found = ride(slides, 0.36, dt=2e-2)
     _, v, _ = found.full()
@@ -154,14 +152,14 @@ def test_a_tumbling_rod_never_penetrates_nor_gains_energy(angle, dt):
 
 
 @pytest.mark.parametrize("dt", [0.3, 0.02, 1e-3])
-def test_nothing_passes_through_an_obstacle_however_long_the_steps(dt):
+def test_nothing_passes_through_an_obstacle_in_long_steps(dt):
     peg = {"peg": {"type": "circle", "center": [0, -1], "radius": 0.01}}
     found = ride(flung((0, -50.0), obstacles=peg), 0.3, dt=dt)
     # the end that met the peg lost its speed to the turning of the rod
     assert lost(found) > 100.0
 
 
-def test_adaptive_steps_end_where_something_closes():
+def test_adaptive_steps_end_where_a_contact_closes():
     # nothing else makes the steps of a free fall short
     found = ride(scene(restitution=0.8), 1.0, tolerance=1e-6, every=1)
     v = math.sqrt(2.0 * G * HEIGHT)
@@ -171,7 +169,7 @@ def test_adaptive_steps_end_where_something_closes():
     assert lost(found) == pytest.approx(0.5 * MASS * v**2 * (1.0 - 0.8**4), rel=1e-4)
 
 
-def test_a_floor_that_rises_lifts_a_rod_and_the_balance_tells():
+def test_a_rising_floor_lifts_a_rod_and_its_work_is_counted():
     lift = {"floor": {**FLOOR["floor"], "motion": {"y": {"type": "expression", "value": "0.6*sin(t)^2"}}}}
     found = ride(scene(obstacles=lift), 1.0, dt=1e-3)
     assert found.place("rod@0")[1] == pytest.approx(0.6 * math.sin(1.0)**2, abs=1e-9)
@@ -181,7 +179,7 @@ def test_a_floor_that_rises_lifts_a_rod_and_the_balance_tells():
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
-def test_a_wall_that_comes_does_its_impulse_times_its_speed_as_work(restitution):
+def test_a_moving_wall_does_work_of_its_impulse_times_its_speed(restitution):
     """A rod at rest leaves with (1 + e) V: the impulse m (1 + e) V does m (1 + e) V^2, m (1 - e^2) V^2/2 is lost."""
     V, gap, dt = 2.0, 0.05, 1e-3
     wall = {"wall": {"type": "half_plane", "through": [-gap, 0], "normal": [1, 0],
@@ -196,8 +194,8 @@ def test_a_wall_that_comes_does_its_impulse_times_its_speed_as_work(restitution)
 
 
 @pytest.mark.parametrize("speed", [-0.5, 0.5])
-def test_a_bounce_with_friction_off_a_floor_that_moves_takes_its_work_at_most(speed):
-    """Where a rod sticks as it bounces, Newton's restitution and Coulomb's friction alone would give it energy."""
+def test_a_bounce_with_friction_off_a_moving_floor_gains_at_most_its_work(speed):
+    """If a rod sticks in a bounce, Newton's restitution and Coulomb's friction alone would add energy."""
     rod = rigid([0, 0.1], [math.cos(1.1), 0.1 + math.sin(1.1)], MASS, INERTIA)
     floor = {"floor": {**FLOOR["floor"], "motion": {"y": {"type": "expression", "value": f"{speed}*t"}}}}
     found = ride({**scene(rod, floor, [], friction=1.0, restitution=1.0), "initial": {"velocity": [3.0, -2.0]}}, 0.2,
@@ -208,8 +206,8 @@ def test_a_bounce_with_friction_off_a_floor_that_moves_takes_its_work_at_most(sp
     assert math.copysign(1.0, found.rows[-1].work) == math.copysign(1.0, speed)
 
 
-def test_what_shakes_elsewhere_gives_no_energy_in_an_impact():
-    """It changes nothing of bounces that spin a rod by more than 0.4 rad in a step, which are made in parts."""
+def test_shaking_elsewhere_adds_no_energy_in_an_impact():
+    """It has no effect on bounces that spin a rod by more than 0.4 rad per step, which are divided."""
     rod = rigid([0.0, 0.3], [0.02, 0.5], MASS, 1e-3)
     rests = {"type": "circle", "center": [9, 9], "radius": 0.5}
     shakes = {**rests, "motion": {"x": {"type": "sine", "scale": 0.05, "frequency": 2.0}}}
@@ -258,8 +256,8 @@ def test_a_block_on_an_incline_sticks_or_slides(mu):
 
 
 @pytest.mark.parametrize("mu", [0.3, 1.0])
-def test_steps_of_what_slides_take_few_iterations(mu):
-    """A rod whose foot slides falls: Newton's method has the whole tangent, which friction makes unsymmetric."""
+def test_sliding_steps_take_few_iterations(mu):
+    """A rod with a sliding foot falls: Newton's method has the whole tangent, which friction makes unsymmetric."""
     touch = {**scene(rigid([0, 0], [0.6, 0.8], MASS, INERTIA), friction=mu), "initial": {"velocity": [3.0, 0.0]}}
     found = ride(touch, 0.1, dt=1e-2, every=1)
     log = np.concatenate([row.log for row in found.rows])
@@ -272,7 +270,7 @@ def test_steps_of_what_slides_take_few_iterations(mu):
 @pytest.mark.parametrize(("share", "steps"), [(0.5, {"dt": 1e-3}), (0.5, {"tolerance": 1e-6}), (0.96, {"dt": 1e-3}),
                                               (0.96, {"tolerance": 1e-4})])
 def test_a_block_at_rest_takes_few_steps_and_no_warnings(share, steps):
-    """The springs that hold what sticks vibrate, which is no motion of the block; ``share`` of the limit is borne."""
+    """The springs of sticking friction vibrate, but the block does not; ``share`` of the limit is borne."""
     block = {"geometry": {"type": "line", "start": [-0.05, 0.02], "end": [0.05, 0.02]}, "element": {"type": "rigid"},
              "section": {"height": 0.04, "width": 0.1}, "material": {"E": 2e11, "nu": 0.3, "rho": 1000}}
     solved = ancf2d.solve({
@@ -287,7 +285,7 @@ def test_a_block_at_rest_takes_few_steps_and_no_warnings(share, steps):
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.4])
-def test_energy_that_a_layer_stores_and_takes_adds_up_and_an_obstacle_at_rest_gives_no_work(friction):
+def test_energy_of_a_layer_is_balanced_and_an_obstacle_at_rest_does_no_work(friction):
     rod = rigid([0, 0.1], [0.8, 0.2], MASS, INERTIA)
     law = {"stiffness": 2e4, "damping": 20.0}
     found = ride(scene(rod, friction=friction, law=law), 0.5, tolerance=1e-7, every=1)
@@ -303,8 +301,8 @@ def test_energy_that_a_layer_stores_and_takes_adds_up_and_an_obstacle_at_rest_gi
 
 @pytest.mark.parametrize("friction", [0.0, 0.4])
 @pytest.mark.parametrize("kind", h.chosen(["rigid", "cable"], ["cable"]))
-def test_energy_momentum_keeps_energy_and_momentum_with_a_layer(kind, friction):
-    """A tilted rod without weight bounces off floor and disc: to round-off, also where friction takes energy."""
+def test_energy_momentum_conserves_energy_and_momentum_with_a_layer(kind, friction):
+    """A tilted weightless rod bounces off floor and disc: to round-off, also with energy lost to friction."""
     start, end = [0, 0.05], [0.8, 0.15]
     section = {"EA": 2e3, "EI": 2.0, "rhoA": 1.0}
     rod = rigid(start, end, 2.0, 0.2) if kind == "rigid" else h.body(
@@ -325,8 +323,8 @@ def test_energy_momentum_keeps_energy_and_momentum_with_a_layer(kind, friction):
 
 
 @pytest.mark.parametrize(("stiffness", "passes"), [(5e3, True), (1e4, False)])
-def test_a_layer_gives_back_what_it_took_also_where_a_body_passes_the_middle_of_an_obstacle(stiffness, passes):
-    """Faces of a rod that is thrown at a soft disc come to its other side, or turn in it; nothing else takes energy."""
+def test_a_layer_is_conservative_beyond_the_middle_of_an_obstacle(stiffness, passes):
+    """Faces of a rod thrown at a soft disc come out on its other side, or turn inside; nothing else dissipates."""
     section = {"EA": 6e4, "EI": 2.0, "kGA": 2e4, "rhoA": 1.0, "rhoI": 1e-3}
     rod = h.body(h.line(1.0, start=(0.0, 0.15)), h.element("reissner3", 4), section)
     disc = {"disc": {"type": "circle", "center": [0.4, 0], "radius": 0.1}}
@@ -337,7 +335,7 @@ def test_a_layer_gives_back_what_it_took_also_where_a_body_passes_the_middle_of_
     assert (found.place("rod@0.4")[1] < -0.1) == passes
 
 
-def test_steps_too_long_for_a_layer_are_told():
+def test_steps_too_long_for_a_layer_give_a_warning():
     touch = {**scene(rigid([0, -1e-4], [1, -1e-4], MASS, INERTIA), law={"stiffness": 1e7}, friction=0.5),
              "initial": {"velocity": [1.0, -3.0]}}
     bodies = touch.pop("bodies")
@@ -359,8 +357,8 @@ def test_methods_that_cannot_step_an_impact_are_refused():
 
 @pytest.mark.slow_rows("cable-None")
 @pytest.mark.parametrize(("element", "every"), [("cable", None), ("reissner3", 1)])
-def test_a_flexible_block_thrown_along_a_floor_is_slowed_by_friction_alone(element, every):
-    """Waves of the impact open and close the contact; m g t presses in all, of which friction takes its share.
+def test_a_flexible_block_thrown_along_a_floor_is_slowed_only_by_friction(element, every):
+    """Waves of the impact open and close the contact; the total impulse is m g t, of which friction takes mu.
 
     The steps damp waves too short for them, which takes energy and gives none.
     """
@@ -384,7 +382,7 @@ def test_a_flexible_block_thrown_along_a_floor_is_slowed_by_friction_alone(eleme
 
 
 def test_steps_with_contact_end_at_stored_states():
-    """Rates jump within a step, so a state interpolated there would have more energy than either end."""
+    """Rates jump within a step, so an interpolated state would have more energy than either end."""
     case = scene(rigid([0, 0.3], [1, HEIGHT], MASS, INERTIA), restitution=0.5)
     found = ride(case, 0.6, tolerance=1e-5, states=80)
     total, _ = found.totals()

@@ -1,4 +1,4 @@
-"""Contact of bodies with one another and of a body with itself, against closed forms, symmetry and obstacles."""
+"""Contact of bodies with one another and with themselves, compared with closed forms, symmetry and obstacles."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def push(at: str, fx: float, fy: float) -> dict[str, Any]:
 
 
 def check_balance(solution: Any) -> None:
-    """What bodies do to one another has no resultant, in force and moment."""
+    """Check that contact forces between bodies have no resultant force and moment."""
     model, d = solution.model, solution.state.d
     e = model.e0 + d[:model.n_q]
     for pair, table in zip(model.contacts, model.contact_tables, strict=True):
@@ -96,7 +96,7 @@ def test_two_cantilevers_share_a_force_by_their_stiffness(name, law):
 @pytest.mark.parametrize("above", [1, -1])
 @pytest.mark.parametrize("law", LAWS)
 def test_axes_that_touch_stay_on_their_sides(law, above):
-    """They share a force as above: each pushes the other to where that is, above it or below."""
+    """They share a force as above: each pushes the other to the same position, above it or below."""
     bodies = {"upper": beam([0, above * 1e-6], [1, above * 1e-6]), "lower": beam([0.8, 0], [1.6, 0], count=5)}
     solution = helpers.Solution(helpers.build(
         bodies, bc=clamps("upper@0", "lower@1"), loads=[push("upper@1", 0, -10.0 * above)],
@@ -110,7 +110,7 @@ def test_axes_that_touch_stay_on_their_sides(law, above):
 
 
 @pytest.mark.parametrize("law", helpers.chosen(LAWS, ["law"]))
-def test_two_mirrored_beams_do_as_one_on_their_plane_of_symmetry(law):
+def test_two_mirrored_beams_behave_like_one_on_their_plane_of_symmetry(law):
     gap, force, n = 0.01, 40000.0, 6
     upper, lower = beam([0, 0.01 + gap], [1, 0.01 + gap], count=n), beam([0, -0.01 - gap], [1, -0.01 - gap], count=n)
     two = helpers.Solution(helpers.build(
@@ -134,7 +134,7 @@ def test_two_mirrored_beams_do_as_one_on_their_plane_of_symmetry(law):
 
 
 @pytest.mark.parametrize("law", helpers.chosen(LAWS, ["law"]))
-def test_a_hairpin_touches_itself_as_half_of_it_does_its_plane_of_symmetry(law):
+def test_a_hairpin_touches_itself_like_half_of_it_its_plane_of_symmetry(law):
     def pin(*pieces):
         # a bump above the plane, and a bend around to the other arm
         start = [0.15 * np.sin(0.6), 0.165 - 0.15 * np.cos(0.6)]
@@ -173,8 +173,8 @@ def test_a_hairpin_touches_itself_as_half_of_it_does_its_plane_of_symmetry(law):
     check_balance(whole)
 
 
-def test_what_may_touch_but_does_not_vibrates_as_if_alone():
-    """A beam that may touch itself has more such points than coordinates, and all of them are open."""
+def test_open_contacts_do_not_change_vibrations():
+    """A beam with self-contact has more contact points than coordinates, and all of them are open."""
     scene = {"bodies": {"hook": beam([0, 0], [1, 0], "reissner3")}, "boundary_conditions": clamps("hook@0"),
              "solver": {"type": "eigen", "modes": 3}}
     alone, may = (ancf2d.solve({**scene, **more}).summary for more in ({}, {"contacts": [{"self": "hook"}]}))
@@ -182,14 +182,14 @@ def test_what_may_touch_but_does_not_vibrates_as_if_alone():
         assert one["omega"] == pytest.approx(other["omega"], rel=1e-8)
 
 
-def test_steps_that_keep_energy_are_refused():
+def test_energy_momentum_is_refused():
     bodies = {"upper": beam([0, 0.02], [1, 0.02]), "lower": beam([0.8, 0], [1.6, 0])}
     solver = {"type": "dynamic", "t_end": 1, "dt": 0.1, "method": "energy_momentum"}
     model = helpers.build(bodies, solver, contacts=[{**ON, **LAWS["law"]}])
     assert any("contact between bodies (touch)" in p.message for p in method_problems(model))
 
 
-def test_bodies_that_overlap_are_told_with_depth_and_place():
+def test_overlapping_bodies_are_reported_with_depth_and_position():
     bodies = {"upper": beam([0, 0.015], [1, 0.015]), "lower": beam([0.8, 0], [1.6, 0], count=5)}
     with pytest.raises(CaseError, match=r"contacts\.0: \w+ is 0\.005 deep in \w+ in the reference, at S = "):
         helpers.build(bodies, bc=clamps("upper@0", "lower@1"), contacts=[ON])
@@ -198,7 +198,7 @@ def test_bodies_that_overlap_are_told_with_depth_and_place():
 
 
 def test_a_curved_body_is_deepest_where_it_is_parallel_to_the_other():
-    """An arc whose lowest point is 0.30/0.52 along it, 10 mm in a straight beam: neither at a node nor at a middle."""
+    """An arc whose lowest point is 0.30/0.52 along it, 10 mm in a straight beam: neither a node nor a mid-point."""
     arc = {"type": "arc", "center": [0.5, 2.05], "radius": 2.0, "from": -np.pi / 2 - 0.30, "to": -np.pi / 2 + 0.22}
     bodies = {"upper": helpers.body(arc, helpers.element("cable", 4), SECTION, STEEL),
               "lower": beam([-0.5, 0], [1.5, 0], count=3)}
@@ -212,7 +212,7 @@ def test_a_curved_body_is_deepest_where_it_is_parallel_to_the_other():
     assert depth[k] == pytest.approx(0.01, rel=2e-4)
 
 
-def test_a_body_that_crosses_itself_is_told_with_depth_and_place():
+def test_a_body_that_crosses_itself_is_reported_with_depth_and_position():
     loop = [{"line": 0.3}, {"arc": 0.1, "angle": 1.5 * np.pi}, {"line": 0.3}]
     path = {"type": "path", "start": [0, 0], "pieces": loop}
     noose = helpers.body(path, helpers.element("cable", 30), SECTION, STEEL)
@@ -220,7 +220,7 @@ def test_a_body_that_crosses_itself_is_told_with_depth_and_place():
         helpers.build({"noose": noose}, bc=clamps("noose@0"), contacts=[{"self": "noose"}])
 
 
-def test_a_layer_so_soft_that_it_lets_a_body_through_is_told():
+def test_a_layer_too_soft_to_stop_a_body_is_reported():
     bodies = {"upper": beam([0, 0.021], [1, 0.021], "cable", 2), "lower": beam([0.8, 0], [1.6, 0], "cable", 2)}
     model = helpers.build(bodies, bc=clamps("upper@0", "lower@1"), loads=[push("upper@1", 0, -1000.0)],
                           contacts=[{**ON, "law": {"stiffness": 1e4}}])
@@ -228,7 +228,7 @@ def test_a_layer_so_soft_that_it_lets_a_body_through_is_told():
         helpers.Solution(model)
 
 
-def test_what_cannot_touch_is_told():
+def test_impossible_contacts_are_reported():
     solid = {"type": "half_plane", "through": [0, -9], "normal": [0, 1]}
     model = helpers.build({"upper": beam([0, 0], [1, 0])}, bc=clamps("upper@0"),
                           contacts=[{"between": ["upper", "far"]}], obstacles={"far": solid, "idle": solid})
@@ -241,7 +241,7 @@ def test_what_cannot_touch_is_told():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
-def test_bodies_that_are_turned_and_shifted_do_the_same(law):
+def test_rotated_and_shifted_bodies_behave_the_same(law):
     angle, shift = 0.731, np.array([13.37, -4.21])
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
@@ -262,7 +262,7 @@ def test_bodies_that_are_turned_and_shifted_do_the_same(law):
 
 
 def test_points_share_the_coordinates_of_the_body_that_they_may_reach() -> None:
-    """Copies of all of them for each point grow with the cube of the elements: 12 GB with 200."""
+    """A copy for each point would grow with the cube of the elements: 12 GB with 200."""
     model = helpers.build({"upper": beam([0, 0.021], [1, 0.021]), "lower": beam([0, 0], [1, 0])}, "static",
                           bc=clamps("upper@0", "lower@0"), contacts=[ON])
     first, second = model.constraints[:2]

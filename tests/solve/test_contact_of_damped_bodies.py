@@ -1,4 +1,4 @@
-"""Motions of damped bodies with contact without a law: viscous waves after impacts, and forces that change points."""
+"""Motions of damped bodies with contact without a law: viscous waves after impacts, and changing contact points."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import ancf2d
 
 
 def pressed(kind: str, count: int, damping: float, method: str) -> Any:
-    """Return the motion of a damped leaf, clamped at one end, that a disc presses down."""
+    """Return the motion of a damped cantilever that a disc presses down."""
     material = {"E": 2e11, "nu": 0.3, "rho": 7800.0, "damping": {"kelvin_voigt": damping}}
     body = helpers.body(helpers.line(1.0), helpers.element(kind, count), {"height": 0.015, "width": 0.05}, material)
     disc = {"type": "circle", "center": [0.83, 0.12], "radius": 0.1, "motion": {"y": {"type": "ramp", "scale": -0.08}}}
@@ -27,7 +27,7 @@ def pressed(kind: str, count: int, damping: float, method: str) -> Any:
     ("reissner3", 32, 1e-2),
     # the force moves from one point to the next while the disc slides along
     pytest.param("vallejo", 16, 1e-3, marks=pytest.mark.slow)])
-def test_a_damped_leaf_follows_a_disc_that_presses_it_down(kind: str, count: int, damping: float) -> None:
+def test_a_damped_leaf_follows_the_disc_that_presses_it(kind: str, count: int, damping: float) -> None:
     found, other = (pressed(kind, count, damping, method) for method in ("generalized_alpha", "radau5"))
     assert found.summary["steps"] < 1500
     tips = [one.summary["probes"]["tip"]["uy"] for one in (found, other)]

@@ -1,4 +1,4 @@
-"""Contact with a law in every solver and integrator: two mirrored bodies do as one on their plane of symmetry.
+"""Contact with a law in every solver and integrator: two mirrored bodies behave like one on their symmetry plane.
 
 The layer between two bodies is as stiff as two behind one another: the plane has twice the stiffness.
 """
@@ -56,7 +56,7 @@ def heights(model: Any, d: Any, name: str = "upper") -> np.ndarray:
     {"type": "static", "method": "arc_length", "until": {"load_factor": 1.0}},
     pytest.param({"type": "quasi_static", "t_end": 0.3, "tolerance": 1e-3}, marks=pytest.mark.slow),
 ], ids=lambda solver: solver.get("method", solver["type"]))
-def test_equilibria_are_those_beside_the_plane(solver):
+def test_equilibria_are_those_on_the_plane(solver):
     material = RELAXING if solver["type"] == "quasi_static" else STEEL
     two, one = (model_of(mirrored, solver, material=material) for mirrored in (True, False))
     ends = [list(solve(model))[-1] for model in (two, one)]
@@ -68,7 +68,7 @@ def test_equilibria_are_those_beside_the_plane(solver):
     assert report["force"][1] > 100.0
 
 
-def test_modes_about_a_state_that_touches_contain_those_beside_the_plane():
+def test_modes_in_contact_contain_those_on_the_plane():
     found = []
     for mirrored, count in ((True, 8), (False, 4)):
         model = model_of(mirrored, {"type": "eigen", "about": "static", "modes": count})
@@ -80,7 +80,7 @@ def test_modes_about_a_state_that_touches_contain_those_beside_the_plane():
 
 @pytest.mark.parametrize("method", [
     "hht", *(pytest.param(name, marks=pytest.mark.slow) for name in ("generalized_alpha", "radau5", "DOP853"))])
-def test_motions_are_those_beside_the_plane(method):
+def test_motions_are_those_on_the_plane(method):
     # SciPy chooses its steps, and takes many where bodies touch
     t_end, how = (2.2e-3, {"tolerance": 1e-4}) if method == "DOP853" else (6e-3, {"dt": 2e-4})
     two, one = (ride(scene(mirrored, 20000.0, damping=1e3), t_end, method=method, **how) for mirrored in (True, False))

@@ -1,4 +1,4 @@
-"""Faces of bodies whose height varies: errors of statics and energies of motions, as of uniform bodies."""
+"""Contact of tapered bodies: errors of statics and energies of motions, as for uniform bodies."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def leaf(start: list[float], end: list[float], kind: str, count: int) -> dict[st
 
 
 def tip(bodies: dict[str, Any], partner: str, steps: int, **scene: Any) -> float:
-    """Return the deflection of the end of a clamped leaf that something presses down."""
+    """Return the deflection of the end of a clamped leaf that is pressed down."""
     scene["boundary_conditions"] = [{"type": "clamp", "at": "leaf@0"}, *scene.get("boundary_conditions", [])]
     found = ancf2d.solve({"bodies": bodies, "contacts": [{"between": ["leaf", partner]}], **scene,
                           "output": {"probes": {"tip": "leaf@1"}}, "solver": {"type": "static", "steps": steps}})
@@ -43,7 +43,7 @@ def test_leaves_press_each_other_to_the_same_place_with_few_elements_and_with_ma
     assert few == pytest.approx(many, rel=1e-4)
 
 
-def test_a_block_that_slides_along_a_tapered_plank_keeps_its_energy() -> None:
+def test_a_block_that_slides_along_a_tapered_plank_conserves_energy() -> None:
     """The surface has no steps between elements."""
     scene = {"bodies": {"block": strip([-0.6, 0.024], [-0.3, 0.024], helpers.element("cable", 2), 0.02),
                         "plank": strip([-0.9, 0], [0.1, 0], helpers.element("cable", 8), "0.03*(1 - 0.5*s)")},

@@ -22,7 +22,7 @@ COUNTS = (83, 113, 157, 227, 317, 457, 641, 907, 1283, 1811, 2557)
 
 
 def place(contact: dict, count: int, t_end: float = T_END) -> float:
-    """Return how high the rod is in the end."""
+    """Return the height of the rod at the end."""
     found = solve({
         "format": 1,
         "bodies": {"rod": {"geometry": {"type": "line", "start": [-0.5, HEIGHT], "end": [0.5, HEIGHT]},
@@ -37,7 +37,7 @@ def place(contact: dict, count: int, t_end: float = T_END) -> float:
 
 
 def bounced(landed: float) -> float:
-    """Return how high a rod is in the end that flies up again with the speed of its landing after ``landed`` s."""
+    """Return the final height of a rod that rebounds with its landing speed after ``landed`` s."""
     fall = math.sqrt(2.0 * HEIGHT / G)
     left = T_END - fall - landed
     return G * fall * left - 0.5 * G * left**2
@@ -45,7 +45,7 @@ def bounced(landed: float) -> float:
 
 @pytest.mark.parametrize("count", [640, 1280])
 def test_a_rod_that_lands_at_the_end_of_a_step_rebounds_there(count):
-    """Its gap is then round-off of either sign: it touches, but would have to be pulled on to the floor."""
+    """Its gap is then round-off of either sign: it touches, but would have to be pulled to the floor."""
     assert place({"restitution": 1.0}, count, 0.25) == pytest.approx(HEIGHT - 0.5 * G * 0.05**2, abs=1e-11)
 
 
@@ -61,7 +61,7 @@ def errors() -> dict[str, np.ndarray]:
 
 @pytest.mark.slow
 def test_order_2_through_a_layer(errors):
-    """Errors swing with where in its step the rod lands: what falls with the square of the steps is their bound."""
+    """Errors depend on where in its step the rod lands: their bound falls with the square of the steps."""
     in_squares = errors["layer"] * np.array(COUNTS)**2
     assert in_squares[-4:].max() < 2.0 * in_squares[:4].max()
     # below any bound of order 1 that holds for long steps
@@ -70,7 +70,7 @@ def test_order_2_through_a_layer(errors):
 
 @pytest.mark.slow
 def test_order_1_of_a_rebound_without_a_layer(errors):
-    """A rebound that is late by t, t < dt, ends a height of no more than 2 v t off."""
+    """A rebound that is late by t < dt has a final height error of at most 2 v t."""
     in_steps = errors["none"] * np.array(COUNTS) / (2.0 * math.sqrt(2.0 * HEIGHT * G) * T_END)
     assert in_steps.max() < 1.0
     # not better by an order: the finest steps have as large a share of their length as the longest

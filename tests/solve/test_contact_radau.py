@@ -1,4 +1,4 @@
-"""Radau's method with contacts without a law: closed points held within its steps, backward Euler where they change.
+"""Radau's method with contacts without a law: closed points are constraints, and steps end where they change.
 
 The changes are located, so that errors follow the tolerance, as they do without contact.
 """
@@ -49,7 +49,7 @@ def bar(count: int = 10) -> dict[str, Any]:
 
 
 def bounced(t: float, restitution: float) -> float:
-    """Return the height at t of what falls from HEIGHT and bounces."""
+    """Return the height at t of a body that falls from HEIGHT and bounces."""
     since, speed, y = 0.0, 0.0, HEIGHT
     while True:
         fall = (speed + math.sqrt(speed**2 + 2.0 * G * y)) / G
@@ -60,7 +60,7 @@ def bounced(t: float, restitution: float) -> float:
 
 @cache
 def fallen_strip(**how: Any) -> Ride:
-    """Return the motion of the strip through its fall and what follows."""
+    """Return the motion of the strip through its fall and later."""
     return ride(whip(), 0.5, every=1, method="radau5", **how)
 
 
@@ -73,7 +73,7 @@ def test_errors_of_bounces_follow_the_tolerance(method, restitution):
 
 
 def test_fixed_steps_locate_bounces():
-    """With generalized_alpha each would be late by up to a step of 20 ms, the height then 6 cm off."""
+    """With generalized_alpha each would be up to a step of 20 ms late, with a height error of 6 cm."""
     found = ride(falling(restitution=0.6), 1.0, method="radau5", dt=2e-2)
     assert found.place("rod@0.5")[1] == pytest.approx(bounced(1.0, 0.6), abs=1e-7)
 
@@ -105,7 +105,7 @@ def test_an_elastic_bar_stays_at_a_wall_for_two_passages_of_its_wave():
 
 
 def test_errors_of_an_elastic_impact_follow_the_tolerance():
-    """Of the equations of the mesh, whose solution a motion of a far smaller tolerance is."""
+    """Errors against the discrete equations, from a motion of a far smaller tolerance."""
     exact, *found = (ride(bar(), 3.2, method="radau5", tolerance=tolerance).end()[0]
                      for tolerance in (1e-9, 1e-4, 1e-6))
     rough, fine = (np.abs(one - exact).max() for one in found)
@@ -126,7 +126,7 @@ def test_no_bounce_adds_energy(method, how, t_end):
 
 @pytest.mark.slow_rows("how0")
 @pytest.mark.parametrize("how", [{"tolerance": 1e-4}, {"dt": 5e-3}])
-def test_what_opens_and_closes_all_the_time_gains_no_energy_and_penetrates_nothing(how):
+def test_chattering_points_gain_no_energy_and_do_not_penetrate(how):
     found = fallen_strip(**how)
     total, _ = found.totals()
     assert found.stepper.s.numbers[SWITCHED] > 20
@@ -139,7 +139,7 @@ def test_what_opens_and_closes_all_the_time_gains_no_energy_and_penetrates_nothi
 
 @pytest.mark.parametrize("angle", [1.2, 1.4])
 def test_an_impact_in_one_long_backward_euler_step_gains_no_energy(angle):
-    """The end of a stiff cable bounces, whose vibrations are far shorter than the step that the tolerance allows."""
+    """The end of a stiff cable bounces; its vibrations are far shorter than steps of the tolerance."""
     height, length = 2.0, 0.5
     end = (length * math.cos(angle), height + length * math.sin(angle))
     cable = h.body({"type": "line", "start": [0.0, height], "end": list(end)}, h.element("cable", 3),
@@ -151,8 +151,8 @@ def test_an_impact_in_one_long_backward_euler_step_gains_no_energy(angle):
     assert (total - total[0]).max() < 1e-6 * G * height
 
 
-def test_a_touch_between_the_places_that_are_looked_at_is_found():
-    """The tip of a rod that spins would be in the floor for less than an eighth of a step."""
+def test_a_touch_between_the_sampled_times_is_found():
+    """The tip of a spinning rod would be in the floor for less than an eighth of a step."""
     dip, begin = 1e-4, 0.5 * math.pi - 2.78125
     middle, (x, y) = 0.5 - dip, (0.5 * math.cos(begin), 0.5 * math.sin(begin))
     rod = rigid([-x, middle - y], [x, middle + y], MASS, INERTIA)
@@ -186,7 +186,7 @@ def test_the_estimate_of_fixed_steps_is_no_smaller_than_the_error(method, dt):
 
 @pytest.mark.slow_rows("how0")
 @pytest.mark.parametrize("how", [{"tolerance": 1e-4}, {"dt": 5e-3}])
-def test_a_motion_is_the_same_however_it_is_cut_into_calls_and_goes_on_from_a_checkpoint(how):
+def test_a_motion_does_not_depend_on_calls_and_resumes_from_a_checkpoint(how):
     def begin() -> Ride:
         return Ride(whip(), 0.3, every=1, method="radau5", **how).start()
     whole = begin().on()
@@ -217,8 +217,8 @@ def test_friction_without_a_law_is_refused():
 
 
 @pytest.mark.slow
-def test_a_chain_whose_links_come_nowhere_near_moves_as_without_contact():
-    """Where Newton's method fails and nothing is closed, steps become shorter, and remain those of Radau's method."""
+def test_a_chain_of_distant_links_moves_as_without_contact():
+    """If Newton's method fails with nothing closed, steps become shorter, and remain those of Radau's method."""
     square, material = {"height": 0.05, "width": 0.05}, {"E": 1e9, "nu": 0.3, "rho": 1000.0}
     kinds = [{"type": "rigid"}, h.element("reissner3", 2), {"type": "rigid"}]
     bodies = {f"link {k}": h.body(h.line(0.5, start=(0.5 * k, 0.0)), kind, square, material)

@@ -1,4 +1,4 @@
-"""Statics with obstacles, against closed forms and shooting solutions."""
+"""Statics with obstacles, compared with closed forms and shooting solutions."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from ancf2d.results.obstacles import obstacles_of
 from ancf2d.solvers.complementarity import lemke, lemke_from
 from ancf2d.solvers.contact import contact_report, obstacle_reactions, touches
 from ancf2d.solvers.fields import FieldReader
-from ancf2d.solvers.post import reactions
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state_results import reactions
 from ancf2d.solvers.statics import path
 from ancf2d.study.run import run_case
 
@@ -30,14 +30,14 @@ CLAMP = {"name": "wall", "type": "clamp", "at": "beam@0"}
 
 
 def strip(count, friction=0.0, solver="static", **scene):
-    """Return the model of a thin strip from 0 to 1 along x that touches with its axis."""
+    """Return the model of a thin strip from 0 to 1 along x with contact of its axis."""
     bodies = {"beam": helpers.body(helpers.line(1.0), helpers.element("cable", count), STIFF)}
     touch = {"name": "touch", "between": ["beam", "solid"], "side": "axis", "friction": friction}
     return helpers.build(bodies, solver, contacts=[touch], **scene)
 
 
 def check_balance(solution, dead):
-    """Supports, obstacles and dead loads are in balance, and no body is in an obstacle."""
+    """Check that supports, obstacles and dead loads are in balance, and that no body penetrates."""
     model, state = solution.model, solution.state
     held = reactions(model, state)
     total = np.sum([[r["fx"], r["fy"]] for r in held.values()], axis=0)
@@ -60,7 +60,7 @@ def fields_of(model, state, body="beam"):
 
 @pytest.mark.parametrize(("y", "heading", "first"), [(-0.5, 0.0, 0), (0.5, math.pi, 12)], ids=["at it", "across"])
 def test_pressure_on_a_ring_does_not_depend_on_where_its_axis_closes(y: float, heading: float, first: int) -> None:
-    """It bears the weight of the ring and is that of a symmetric one, where it lies on the floor."""
+    """It carries the weight of the ring and is symmetric where the ring lies on the floor."""
     R, rho, h, w = 0.5, 1000.0, 0.02, 0.05
     path = {"type": "path", "start": [0, y], "heading": heading, "closed": True,
             "pieces": [{"arc": R, "angle": math.pi}, {"arc": R, "angle": math.pi}]}
@@ -97,8 +97,8 @@ def test_a_strip_wraps_around_a_drum() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_a_strip_whose_face_just_touches_the_drum_where_it_is_clamped_wraps_around_it(friction: float) -> None:
-    """The corner at the clamp touches and cannot move; the axis goes around a drum that is larger by half a height."""
+def test_a_strip_whose_clamped_face_touches_the_drum_wraps_around_it(friction: float) -> None:
+    """The corner at the clamp touches and cannot move; the axis bends around a drum larger by half a height."""
     exact = reference.strip_on_drum(2e9 * 0.05 * 0.01**3 / 12.0, 1.0, 0.505, 60.0)
     body = helpers.body(helpers.line(1.0), helpers.element("cable", 20), {"height": 0.01, "width": 0.05})
     solution = helpers.Solution(helpers.build(
@@ -110,8 +110,8 @@ def test_a_strip_whose_face_just_touches_the_drum_where_it_is_clamped_wraps_arou
     check_balance(solution, [0, -60])
 
 
-def test_the_zone_of_a_law_is_as_long_as_what_touches() -> None:
-    """A rod pressed flat on a floor touches from end to end; one that stands there touches at its end alone."""
+def test_the_zone_of_a_law_is_the_length_in_contact() -> None:
+    """A rod pressed flat on a floor touches from end to end; an upright one touches only with its end."""
     law = {"stiffness": 1e5}
     for end, zone in (([1, 0], (0.0, 1.0)), ([0, 1], (0.0, 0.0))):
         rod = {"geometry": {"type": "line", "start": [0, 0.05], "end": [end[0], end[1] + 0.05]},
@@ -161,8 +161,8 @@ def test_a_ring_is_pressed_flat_between_plates() -> None:
         assert state.history["iterations"] < 40
 
 
-def test_a_cam_lifts_a_leaf_spring_and_lets_it_go_again() -> None:
-    """An eccentric disc under a thin cantilever: its tip by beam theory while it touches, and at rest afterwards."""
+def test_a_cam_lifts_and_releases_a_leaf_spring() -> None:
+    """An eccentric disc under a thin cantilever: its tip by beam theory during contact, and zero afterwards."""
     eccentricity, arm, gap, EI = 0.01, 0.6, 0.004, 1.0
     turn = {"angle": {"type": "ramp", "scale": 2.0 * math.pi}, "about": [arm, -0.1 - gap]}
     model = strip(10, bc=[CLAMP], solver={"type": "static", "steps": 12}, obstacles={
@@ -190,7 +190,7 @@ def test_a_cam_lifts_a_leaf_spring_and_lets_it_go_again() -> None:
 @pytest.mark.slow_rows("-0.4-0.3")
 @pytest.mark.parametrize(("turn", "mu"), [(-0.4, 0.3), (0.4, 0.3), pytest.param(-0.4, 0.0, marks=pytest.mark.slow)])
 def test_a_belt_slips_on_a_drum_at_the_ratio_of_euler_and_eytelwein(turn: float, mu: float) -> None:
-    """T2/T1 = exp(mu phi) over half a turn, either way; the template, whose drum turns until all of the belt slips."""
+    """T2/T1 = exp(mu phi) over half a turn, either way; the template, whose drum turns until the whole belt slips."""
     solution = ancf2d.solve(template("capstan", "belt"), [
         f"obstacles.drum.motion.angle.value=[0, 0, {turn}]", f"contacts.0.friction={mu}"], states=False)
     pulled = 10.0 * math.exp(math.copysign(mu, -turn) * math.pi)
@@ -202,7 +202,7 @@ def test_a_belt_slips_on_a_drum_at_the_ratio_of_euler_and_eytelwein(turn: float,
 
 @pytest.mark.slow
 def test_a_belt_without_a_law_slips_at_the_same_ratio() -> None:
-    """A thin belt that begins slack, 5e-6 off the drum; its bending stiffness bears EI/R^2 = 0.003 N beside 10 N."""
+    """A thin belt that starts slack, 5e-6 off the drum; its bending stiffness bears EI/R^2 = 0.003 N of 10 N."""
     solution = ancf2d.solve(template("capstan", "belt"), [
         "contacts.0.law=null", "obstacles.drum.radius=0.049995", "bodies.belt.section.height=0.00035",
         "bodies.belt.element.type=cable", "bodies.belt.element.count=60", "boundary_conditions.0.type=clamp",
@@ -212,8 +212,8 @@ def test_a_belt_without_a_law_slips_at_the_same_ratio() -> None:
     assert solution.reactions["drum"]["m"] == pytest.approx(0.05 * (10.0 - pulled), rel=4e-3)
 
 
-def test_what_is_closed_solves_problems_of_linear_complementarity() -> None:
-    """Also where M is singular, as points are that hold the same, or skew, as closed and open ones answer.
+def test_closed_points_solve_linear_complementarity_problems() -> None:
+    """Also if M is singular, as for redundant points, or skew, as for closed against open ones.
 
     From a guess of what is closed, right or wrong, a regular problem has its solution, too.
     """
@@ -238,8 +238,8 @@ def test_what_is_closed_solves_problems_of_linear_complementarity() -> None:
 
 
 @pytest.mark.parametrize("gap", [1e-5, 1e-4])
-def test_a_strip_is_held_by_the_edge_of_a_block(gap: float) -> None:
-    """A beam clamped at 0 and held at a (Roark, table 8.1, 1a): P (3 L - a)/2 a, less 3 EI/a^3 times the gap."""
+def test_the_edge_of_a_block_supports_a_strip(gap: float) -> None:
+    """A beam clamped at 0 and supported at a (Roark, table 8.1, 1a): P (3 L - a)/2 a, less 3 EI/a^3 times the gap."""
     a, P = 0.88, 0.03
     block = {"solid": {"type": "polyline", "closed": True, "points": [
         [1.5, -0.3], [a, -gap], [a - 0.2, -gap], [a - 0.25, -0.5], [1.4, -0.8]]}}
@@ -250,8 +250,8 @@ def test_a_strip_is_held_by_the_edge_of_a_block(gap: float) -> None:
     assert report["from"] == report["to"] == pytest.approx(a, abs=1e-5)
 
 
-def test_a_file_tells_where_an_obstacle_that_moves_is(tmp_path: Path) -> None:
-    """In every state: displaced, and turned about its own centre; a probe with its name does not hide it."""
+def test_a_file_has_the_positions_of_moving_obstacles(tmp_path: Path) -> None:
+    """In every state: displaced, and rotated about its own centre; a probe of the same name does not hide it."""
     motion = {"y": {"type": "ramp", "scale": -0.1}, "angle": {"type": "ramp", "scale": 1.0}}
     scene = helpers.load(
         {"beam": helpers.body(helpers.line(1.0), helpers.element("cable", 4), STIFF)}, {"type": "static", "steps": 2},
@@ -268,8 +268,8 @@ def test_a_file_tells_where_an_obstacle_that_moves_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("push", "roots"), [(-0.5, (3.926602, 7.068583)), (0.5, (1.875104, 4.694091))])
-def test_modes_about_a_state_keep_what_touches_closed(push: float, roots: tuple[float, float]) -> None:
-    """A cantilever vibrates as one with a hinged end where its tip is pressed on a stop, else as one with a free end.
+def test_modes_about_a_state_keep_contacts_closed(push: float, roots: tuple[float, float]) -> None:
+    """A cantilever pressed on a stop vibrates like one with a hinged end, otherwise like one with a free end.
 
     omega L^2 sqrt(rhoA/EI) = roots^2 (Blevins 1979, table 8-1); the free one is hardly bent.
     """
@@ -288,12 +288,12 @@ def test_modes_about_a_state_keep_what_touches_closed(push: float, roots: tuple[
     ({"type": "half_plane", "through": [0, 0.1], "normal": [0, 1]}, "the side of solid that its normal points to, or"),
     ({"type": "half_plane", "through": [0, 1e-7], "normal": [0, 1]}, "expected a small gap between them, or a law"),
     ({"type": "polyline", "points": [[2, -0.1], [-1, -0.1]]}, "to the left of solid, from its first point to its")])
-def test_bodies_that_overlap_obstacles_at_the_start_are_told_where_and_how_deep(solid, where) -> None:
+def test_initial_overlaps_with_obstacles_are_reported_with_position_and_depth(solid, where) -> None:
     with pytest.raises(CaseError, match=re.escape(where)):
         strip(4, bc=[CLAMP], obstacles={"solid": solid})
 
 
-def test_a_run_tells_only_the_worst_state_of_bodies_between_their_points(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_reports_only_the_worst_state_of_obstacles_between_points(monkeypatch: pytest.MonkeyPatch) -> None:
     """The further the cantilever is pressed, the deeper it is."""
     monkeypatch.setattr(path, "overlap", lambda model, d, t: 1e-3 * t)
     arc = {"type": "static", "method": "arc_length", "steps": 200, "until": {"load_factor": 1}}

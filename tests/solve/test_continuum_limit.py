@@ -1,4 +1,4 @@
-"""The family [p, q] goes to the plane-stress continuum where supports and loads are spread over the section."""
+"""The family [p, q] converges to the plane-stress continuum if supports and loads are spread over the section."""
 
 import helpers
 import numpy as np
@@ -38,8 +38,8 @@ def test_point_forces_and_supports_on_the_axis_creep_with_the_order():
 
 
 @pytest.mark.parametrize("count", [8, 16])
-def test_tip_of_table_2s_beam_with_a_clamp_that_breathes(count):
-    """Continuum (-0.14506, -0.68113): the clamp holds the plain mean of the section."""
+def test_tip_of_table_2s_beam_with_a_breathing_clamp(count):
+    """Continuum (-0.14506, -0.68113): the clamp fixes the plain mean of the section."""
     out = helpers.solved(
         beam(3, 3, count),
         bc=[{"type": "clamp", "at": "beam@0", "hold": "breathe"}],
@@ -57,7 +57,7 @@ def test_a_full_clamp_is_stiffer_by_half_a_per_mille():
 
 
 def test_p_refinement_is_exponential_under_own_weight():
-    """Supports at the parabolic mean leave a smooth solution: the energy's error falls by a factor per order."""
+    """Supports at the parabolic mean give a smooth solution: the energy's error falls by a factor per order."""
     weight = [{"type": "gravity", "value": [0, -9.81]}]
     exact = supported(8, 5, 8, weight, 0.4).state.energy
     errors = [abs(supported(p, min(p, 5), 2, weight, 0.4).state.energy / exact - 1) for p in range(1, 7)]

@@ -1,4 +1,4 @@
-"""Splines, curves, paths and closed axes, beside integrals along the axis that know nothing of elements."""
+"""Splines, curves, paths and closed axes, compared with integrals along the axis without elements."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Axis:
         self.z, self.t, self.r, self.kGA = z, v / abs(v), z(self.u), kGA
 
     def energy(self, one: Any, other: Any) -> float:
-        """Twice the complementary energy that forces (complex) and moments along the axis have together."""
+        """Twice the complementary energy of forces (complex) and moments along the axis."""
         (f, m), (g, n) = one, other
         p, q = f * self.t.conj(), g * self.t.conj()
         shear = 0.0 if self.kGA is None else p.imag * q.imag / self.kGA
@@ -88,7 +88,7 @@ CANTILEVERS = {"curve": ({"type": "curve", "x": "2*sin(pi*s/2)", "y": "cos(pi*s/
 @pytest.mark.parametrize(("kind", "order"), [("reissner2", 2), ("reissner3", 4), ("cable", 4)])
 @pytest.mark.parametrize("geometry", CANTILEVERS)
 def test_elements_keep_their_order_on_curved_axes(geometry: str, kind: str, order: int) -> None:
-    """Their curvature changes along the axis; that of a spline has kinks at its points, where elements end."""
+    """The curvature changes along the axis; that of a spline has kinks at its points, where elements end."""
     data, axis = CANTILEVERS[geometry]
     exact = np.array(axis(shear_stiffness(kind)).hanging(1 + 2j, 1.0))
     errors = []
@@ -102,7 +102,7 @@ def test_elements_keep_their_order_on_curved_axes(geometry: str, kind: str, orde
 
 
 def closed_axis(name: str, kGA: float | None) -> tuple[dict[str, Any], Axis, float, list[float]]:
-    """Return geometry, axis, and u of a point and S of two that face each other, at 0 and there."""
+    """Return geometry, axis, and u of a point and S of two opposite points, at 0 and there."""
     if name == "ring":
         return RING, Axis(lambda u: np.exp(2j * np.pi * u), lambda u: 2j * np.pi * np.exp(2j * np.pi * u),
                           np.linspace(0, 1, 9), kGA), 0.5, [0.0, 0.5]
@@ -173,7 +173,7 @@ PATH = {"type": "path", "start": [0, 0], "heading": 0.3, "pieces": [{"line": 1},
 
 
 @pytest.mark.parametrize("name", ["vallejo", "cable", "reissner3", "li"])
-def test_a_path_is_its_pieces_welded(name: str) -> None:
+def test_a_path_equals_its_welded_pieces(name: str) -> None:
     c, s = np.cos(0.3), np.sin(0.3)
     line = {"type": "line", "start": [0, 0], "end": [c, s]}
     arc = {"type": "arc", "center": [c + 0.5 * s, s - 0.5 * c], "radius": 0.5, "from": 0.3 + np.pi / 2,
@@ -190,7 +190,7 @@ def test_a_path_is_its_pieces_welded(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["vallejo", "cable", "reissner3", "ancf[3,3]"])
-def test_what_a_curved_body_weighs(name: str) -> None:
+def test_the_weight_of_a_curved_body(name: str) -> None:
     """Reactions under gravity: the weight of the arc length, and its moment about the support."""
     ell = CANTILEVERS["curve"][0]
     axis = quarter(None)
@@ -216,7 +216,7 @@ def test_what_a_curved_body_weighs(name: str) -> None:
     ({"type": "curve", "x": "s*(1-s)", "y": "s^2*(1-s)", "closed": True}, "points -2.36 rad away from the direction"),
     ({**RACETRACK, "pieces": RACETRACK["pieces"][:3]}, "1 away from its start"),
     ({"type": "path", "start": [0, 0], "pieces": [{"arc": 1, "angle": 1}], "closed": True}, "closed, but")])
-def test_what_is_no_smooth_axis_is_refused_in_words(geometry: dict[str, Any], said: str) -> None:
+def test_axes_that_are_not_smooth_are_refused(geometry: dict[str, Any], said: str) -> None:
     with pytest.raises(CaseError) as caught:
         helpers.build({"a": body(geometry, "cable", 8)}, bc=[{"type": "clamp", "at": "a@0"}])
     assert said in str(caught.value)
@@ -224,7 +224,7 @@ def test_what_is_no_smooth_axis_is_refused_in_words(geometry: dict[str, Any], sa
 
 
 def scene(turn: complex = 1.0, shift: complex = 0.0, size: float = 1.0, mirror: bool = False) -> dict[str, Any]:
-    """A clamped spline in another place, size or handedness.
+    """A clamped spline in another position, size or handedness.
 
     It has a tendon along it, one to the ground, a force, and a line load and a natural curvature that vary along it.
     Lengths grow with ``size``, stresses stay.
@@ -255,7 +255,7 @@ def scene(turn: complex = 1.0, shift: complex = 0.0, size: float = 1.0, mirror: 
     {"size": 1e-3}, {"turn": np.exp(-1j), "shift": 2 + 1j, "size": 10.0, "mirror": True},
     *(pytest.param(one, marks=pytest.mark.slow) for one in (
         {"turn": np.exp(2.1j)}, {"shift": 30 - 7j}, {"mirror": True}))])
-def test_a_spline_with_all_that_varies_is_the_same_elsewhere(change: dict[str, Any]) -> None:
+def test_a_spline_with_varying_properties_is_invariant(change: dict[str, Any]) -> None:
     """Turned, shifted, scaled, mirrored."""
     def found(**change: Any) -> complex:
         data = scene(**change)
@@ -280,7 +280,7 @@ def test_a_spline_with_a_tendon_is_the_same_from_its_other_end() -> None:
     np.testing.assert_allclose(tip(POINTS[::-1], -0.03, 1), forth, rtol=1e-8)
 
 
-def test_a_tendon_along_welded_halves_is_one_along_the_whole() -> None:
+def test_a_tendon_along_welded_halves_equals_one_along_the_whole() -> None:
     whole = helpers.solved({"a": body(PATH, "reissner3", 8)}, "static", bc=[{"type": "clamp", "at": "a@0"}],
                            loads=[{"type": "tendon", "on": "a", "y": 0.03, "tension": 900.0}])
     counts = [p.count for p in whole.model.meshes["a"].plan.pieces]
@@ -313,7 +313,7 @@ def test_elements_end_where_the_curvature_of_a_curve_jumps(kind: str) -> None:
     ("s if s < 0.4 else s", "s^2", 1),   # switches to the same
     ("s", "0.1*abs(s - 0.5)*(s - 0.5)", 2),
 ])
-def test_a_curve_is_parted_where_its_derivatives_jump_and_nowhere_else(x: str, y: str, pieces: int) -> None:
+def test_a_curve_is_divided_only_where_its_derivatives_jump(x: str, y: str, pieces: int) -> None:
     model = helpers.build({"b": body({"type": "curve", "x": x, "y": y}, "reissner3", 4)}, "linear_static",
                           bc=[{"type": "clamp", "at": "b@0"}])
     assert len(model.meshes["b"].plan.pieces) == pieces

@@ -8,9 +8,9 @@ import h5py
 import helpers as h
 import numpy as np
 import pytest
+from ancf2d.model.interactions import Batch
 
 import ancf2d
-from ancf2d.model.interactions import Batch
 
 RUBBER = {"E": 1e7, "nu": 0.3, "rho": 1000.0}
 RIGID = {"type": "rigid"}
@@ -79,7 +79,7 @@ def drift(scene: dict[str, Any], t_end: float, tolerance: float = 1e-5, interval
     # faces of two arms leave a gap outside of a corner: 0.2; and cross inside: 0.01
     (0.149917, -0.189494, -0.895955, (-1.417658, 1.440958), 0.414612, angle_of(90.0)),
     (-0.066597, 0.230622, 1.883145, (0.040719, -0.890906), 1.471895, angle_of(30.0))])
-def test_rods_that_bounce_off_each_other_keep_their_energy(way):
+def test_rods_that_bounce_off_each_other_conserve_energy(way):
     assert drift(thrown(*way), 0.3, interval=0.05) < 1e-4
 
 
@@ -150,7 +150,7 @@ def test_a_point_keeps_its_energy_where_faces_leave_a_gap_at_a_blunt_corner():
                                                                        marks=pytest.mark.slow)], ids=["rigid", "cable"])
 @pytest.mark.parametrize("order", [["block", "plank"], ["plank", "block"]])
 @pytest.mark.parametrize("friction", [0.0, pytest.param(0.2, marks=pytest.mark.slow)])
-def test_a_block_that_slides_off_the_end_of_a_plank_keeps_its_energy(order, element, friction):
+def test_a_block_that_slides_off_the_end_of_a_plank_conserves_energy(order, element, friction):
     """Its points would lose up to k g^2/4 per length there: up to 0.015 of the energy."""
     assert drift(sliding(order, element, friction), 0.2) < 1e-4
 
@@ -172,7 +172,7 @@ def test_the_end_of_a_body_rubs_alike_with_all_kinds_of_sections(name):
 
 
 @pytest.mark.slow
-def test_a_soft_whip_that_strikes_its_own_arm_keeps_its_energy():
+def test_a_soft_whip_that_strikes_its_own_arm_conserves_energy():
     path = {"type": "path", "start": [0, 0], "pieces": [{"line": 0.35}, {"arc": 0.1, "angle": np.pi}, {"line": 0.3}]}
     whip = h.body(path, h.element("cable", 20), {"height": 0.02, "width": 0.02}, {**RUBBER, "E": 2e6})
     scene = {"bodies": {"whip": whip}, "boundary_conditions": [{"type": "clamp", "at": "whip@0"}],

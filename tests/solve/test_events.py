@@ -1,4 +1,4 @@
-"""What begins and ends during a motion, at times and once conditions hold, against closed forms."""
+"""Items that begin and end during a motion, at times and by conditions, compared with closed forms."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_a_force_acts_for_a_while(method: str) -> None:
     assert solved.summary["energy_drift"] < 1e-6
 
 
-def test_amplitudes_go_on_within() -> None:
+def test_amplitudes_continue_while_inactive() -> None:
     solved = run(loads=[{"type": "force", "at": "bar@0", "value": [1, 0], "active": {"from": 0.5},
                          "amplitude": {"type": "sine", "frequency": 0.5}}])
     # v = int sin(pi t)
@@ -86,8 +86,8 @@ def test_a_spring_that_begins_and_a_start_from_equilibrium() -> None:
 ROPE = {"name": "rope", "type": "tendon", "through": [[-1, 0], "bar@0"], "stiffness": 6, "slack": -0.1}
 
 
-def test_an_elastic_tendon_begins_and_ends_as_a_spring_does() -> None:
-    """Wound up by 0.1, it pulls with 6/0.9 (x + 0.1) for a while; its winder's amplitude does not end with it."""
+def test_an_elastic_tendon_begins_and_ends_like_a_spring() -> None:
+    """Wound up by 0.1, it pulls with 6/0.9 (x + 0.1) for a while; the amplitude of its winder continues."""
     solved = run(loads=[{**ROPE, "amplitude": {"type": "constant"}, "active": {"from": 0.3, "to": 0.6}}],
                  initial={"velocity": [0.2, 0]})
     w = math.sqrt(6 / 0.9)
@@ -101,8 +101,8 @@ def test_an_elastic_tendon_begins_and_ends_as_a_spring_does() -> None:
 
 
 @pytest.mark.parametrize(("active", "start"), [({"to": 0.5}, -2 / 3 / (4 + 6 / 0.9)), ({"from": 9}, 0.0)])
-def test_a_start_from_equilibrium_has_an_elastic_tendon_only_where_it_acts(active: Any, start: float) -> None:
-    """6/0.9 (x + 0.1) + 4 x = 0, then a swing on the spring alone."""
+def test_a_start_from_equilibrium_has_only_active_tendons(active: Any, start: float) -> None:
+    """6/0.9 (x + 0.1) + 4 x = 0, then an oscillation on the spring alone."""
     spring = {"type": "translational", "between": [[-1, 0], "bar@0"], "stiffness": 4}
     solved = run(springs=[spring], loads=[{**ROPE, "active": active}], initial={"from": "static"})
     expected = start * np.cos(2 * np.clip(solved.course_t - 0.5, 0, None))
@@ -113,7 +113,7 @@ def test_a_start_from_equilibrium_has_an_elastic_tendon_only_where_it_acts(activ
     ("radau5", 0.05, 30, 5), ("radau9", 0.05, 300, 9), ("generalized_alpha", 0.015, 30, 2), ("hht", 0.015, 30, 2),
     ("energy_momentum", 0.015, 30, 2)])
 def test_the_order_is_kept_over_ten_events(method: str, dt: float, stiffness: float, order: int) -> None:
-    """Five pulses, none of which begins or ends where a step would: x is known piece by piece."""
+    """Five pulses that begin and end inside steps: x is known piece by piece."""
     times = [(0.213 + 0.3 * k, 0.363 + 0.3 * k) for k in range(5)]
     pulses = [{"type": "force", "at": "bar@0", "value": [1, 0], "active": {"from": a, "to": b},
                "amplitude": {"type": "expression", "value": "exp(t)"}} for a, b in times]
@@ -133,7 +133,7 @@ def test_the_order_is_kept_over_ten_events(method: str, dt: float, stiffness: fl
     assert math.log2(errors[0] / errors[1]) > order - 0.5
 
 
-def test_what_begins_is_checked() -> None:
+def test_beginnings_are_checked() -> None:
     load = {"type": "force", "at": "bar@0", "value": [1, 0]}
     for active, says in (({}, "nothing is given"), ({"from": 2, "to": 1}, "from must be less than to")):
         with pytest.raises(ancf2d.CaseError, match=says):
@@ -147,8 +147,8 @@ SPRING = {"type": "translational", "between": [[-1, 0], "bar@0"], "stiffness": 9
 
 @pytest.mark.slow_rows("DOP853")
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "energy_momentum", "DOP853"])
-def test_a_latch_lets_go_where_a_probe_has_come(method: str) -> None:
-    """x = 0.2/3 sin(3 t) up to x = 0.05, then straight on."""
+def test_a_latch_releases_at_the_position_of_a_probe(method: str) -> None:
+    """x = 0.2/3 sin(3 t) up to x = 0.05, then uniform motion."""
     half = {**SPRING, "stiffness": 4.5, "active": {"until": "end.ux > 0.05"}}
     solved = run(method=method, springs=[{**half, "name": "latch"}, half], initial={"velocity": [0.2, 0]})
     t1 = math.asin(0.75) / 3
@@ -182,7 +182,7 @@ def test_a_load_acts_between_two_conditions(method: str) -> None:
 @pytest.mark.parametrize(("method", "dt", "order"), [("radau5", 0.01, 5), ("radau9", 0.08, None),
                                                      ("generalized_alpha", 0.005, 2), ("energy_momentum", 0.005, 2)])
 def test_the_order_is_kept_over_ten_conditions(method: str, dt: float, order: int | None) -> None:
-    """Five pulses between places: x'' = -30 x + f, each piece a sine about f/30, joined where x reaches a place.
+    """Five pulses between positions: x'' = -30 x + f, each piece a sine about f/30, joined where x reaches a position.
 
     Pieces last between 0.01 and 0.02: `radau9` leaves round-off alone, whatever its steps.
     """
@@ -216,8 +216,8 @@ def test_the_order_is_kept_over_ten_conditions(method: str, dt: float, order: in
 
 
 @helpers.covering(shift=[0.0, 0.05, 0.0834], condition=["end.ux > {}", "(end.ux > {})*(t > 0)", "{} < end.ux < 9"])
-def test_what_holds_for_a_thousandth_of_a_step_is_found(condition: str, shift: float) -> None:
-    """x = 1/3 sin 3 t, above its height less 1e-6 for 9e-4 s: in steps of 0.5 s and less, wherever they end."""
+def test_a_condition_that_holds_for_a_thousandth_of_a_step_is_found(condition: str, shift: float) -> None:
+    """x = 1/3 sin 3 t, above its height less 1e-6 for 9e-4 s: in steps of up to 0.5 s, wherever they end."""
     level = (1 - 1e-6) / 3
     solved = run(springs=[SPRING], initial={"from": "rest", "velocity": [1, 0]}, t_end=1.2, loads=[
         {"name": "push", "type": "force", "at": "bar@0", "value": [1, 0],
@@ -229,8 +229,8 @@ def test_what_holds_for_a_thousandth_of_a_step_is_found(condition: str, shift: f
     assert begins["t"] == pytest.approx(math.asin(1 - 1e-6) / 3, abs=1e-4)
 
 
-def test_what_comes_to_hold_at_one_time_is_one_event() -> None:
-    """Two conditions that differ by round-off: both loads begin in the same instant, and cancel."""
+def test_simultaneous_conditions_are_one_event() -> None:
+    """Two conditions that differ by round-off: both loads begin at the same instant, and cancel."""
     solved = run(loads=[{"type": "force", "at": "bar@0", "value": [5, 0], "active": {"after": "end.ux > 0.3"}},
                         {"type": "force", "at": "bar@1", "value": [-5, 0], "active": {"after": "3*end.ux > 0.9"}}],
                  initial={"velocity": [1, 0]})
@@ -272,7 +272,7 @@ output: {interval: 0.05, probes: {end: bar@1}}
 
 
 @pytest.mark.slow
-def test_a_motion_goes_on_across_events_bit_for_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_motion_resumes_across_events_bit_for_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(resumed_behind_events(CASE, monkeypatch)[-1].report["events"]) == 3
 
 
@@ -296,7 +296,7 @@ def test_conditions_are_checked() -> None:
 @pytest.mark.parametrize(("active", "omega"), [({"until": "end.y > -1"}, 0.0), ({"after": "end.y > -1"}, 1.5)])
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
 def test_a_condition_may_hold_from_the_start(method: str, active: dict[str, str], omega: float) -> None:
-    """A bar that flies off at once, or is caught by an end: m v L/2 = m L^2/3 omega."""
+    """A bar that is released at once, or caught at one end: m v L/2 = m L^2/3 omega."""
     found = ancf2d.solve({
         "boundary_conditions": [{"name": "pin", "type": "pin", "at": "bar@0", "active": active}],
         "bodies": {"bar": BODY}, "initial": {"velocity": [0, 1]}, "output": {"probes": {"end": "bar@1"}},

@@ -1,4 +1,4 @@
-"""Loads that depend on the motion: controllers and formulas against closed forms and SciPy on the same equations."""
+"""Loads that depend on the motion: controllers and formulas, compared with closed forms and SciPy."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PID = {"type": "pid", "input": "1 - hub.theta", "kp": KP, "kd": KD, "ki": KI, "f
 
 
 def arm(torque: str, **more) -> dict:
-    """A rigid arm on a pin, which a motor turns."""
+    """A rigid arm on a pin, driven by a motor."""
     amplitude = {"type": "expression", "value": torque}
     return {"bodies": {"arm": rigid([0, 0], [1, 0], 1.5, 0.2)}, "bc": [{"type": "pin", "at": "arm@0"}],
             "loads": [{"type": "moment", "at": "arm@0", "value": 1, "amplitude": amplitude}],
@@ -33,7 +33,7 @@ def arm(torque: str, **more) -> dict:
 
 
 def told(motion: Ride) -> dict[str, float]:
-    """The quantities on which the motion depends, at its end, by name."""
+    """Return the quantities on which the motion depends, at its end, by name."""
     found = motion.stepper.feedback
     return dict(zip(found.of_model.names, found.values_at(motion.rows[-1]), strict=True))
 
@@ -63,7 +63,7 @@ def test_a_pd_motor_on_a_flexible_arm_is_a_spring_with_a_damper():
 
 
 def limited(t: float, y: np.ndarray) -> list[float]:
-    """The same arm with a PID controller, whose integration stops at its limits."""
+    """The same arm with a PID controller whose integration stops at its limits."""
     theta, omega, integral, filtered = y
     e = 1 - theta
     rate = (e - filtered) / FILTER
@@ -84,7 +84,7 @@ def test_a_pid_controller_with_limits_agrees_with_scipy(method):
 
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
 def test_an_output_that_its_integral_alone_would_raise_stays_at_its_limit(method):
-    """It falls to its limit, is held there by as much integration as that takes, and leaves it in a linear motion."""
+    """It falls to its limit, is kept there by the necessary integration, and leaves it in a linear motion."""
     kp, ki, kd, limit, end = 2.0, 5.0, 1.0, 0.5, 1.4
     a = limit / J
     # kp (1 - a t^2/2) - kd a t = limit; what the integral has to make up for, kp omega + kd a, exceeds ki e later
@@ -103,7 +103,7 @@ def test_an_output_that_its_integral_alone_would_raise_stays_at_its_limit(method
 
 
 def test_a_sampled_controller_is_its_recurrence():
-    """Between samples the torque stands still, so that the arm moves along parabolas."""
+    """Between samples the torque is constant, so the arm moves along parabolas."""
     step, theta, omega, integral, filtered = 0.01, 0.0, 0.0, 0.0, 1.0
     for _ in range(100):
         e = 1 - theta
@@ -120,7 +120,7 @@ def test_a_sampled_controller_is_its_recurrence():
 
 
 def test_states_of_a_controller_obey_their_equations():
-    """z' = -z + w, w' = -z from (1, 0), beside an arm that feels nothing of it."""
+    """z' = -z + w, w' = -z from (1, 0), beside an arm that does not depend on them."""
     watch = {"type": "state", "rate": {"z": "w - z", "w": "-z"}, "initial": {"z": 1}, "output": "2*z"}
     motion = ride(arm("0*watch", controllers={"watch": watch}), 1.0, tolerance=1e-9, estimate=False)
     omega = math.sqrt(0.75)
@@ -128,8 +128,8 @@ def test_states_of_a_controller_obey_their_equations():
     assert told(motion)["watch:z"] == pytest.approx(z, abs=1e-7)
 
 
-def test_a_controller_that_nothing_uses_watches_the_motion():
-    """It counts whole turns of an arm that spins, as it would where a load follows it."""
+def test_an_unused_controller_follows_the_motion():
+    """It counts whole turns of a spinning arm, as it would if a load followed it."""
     watch = {"type": "pid", "input": "hub.theta", "kp": 1}
     scene = arm("0", controllers={"watch": watch}, initial={"rotation_rate": {"omega": 10}})
     motion = ride(scene, 1.0, tolerance=1e-9, estimate=False)
@@ -138,8 +138,8 @@ def test_a_controller_that_nothing_uses_watches_the_motion():
 
 
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "DOP853"])
-def test_controllers_of_a_model_in_which_nothing_moves_go_on(method: str) -> None:
-    """A held body, as accuracy control tries it: no unknowns but the controller's: the integral of 1, and 1.
+def test_controllers_of_a_model_without_unknowns_continue(method: str) -> None:
+    """A fixed body, as in trials of accuracy control: the only unknowns are the controller's, the integral of 1, and 1.
 
     The first assertion keeps a matrix without room for what controllers add from being written to.
     """
@@ -155,7 +155,7 @@ def test_controllers_of_a_model_in_which_nothing_moves_go_on(method: str) -> Non
 
 
 def test_tangents_are_derivatives():
-    """Of signals, states and formulas together, by coordinates and rates, on a flexible arm of directions."""
+    """Of signals, states and formulas together, by coordinates and rates, on a flexible arm."""
     lead = {"type": "state", "rate": {"z": "tip.x*sin(tip.theta) - z*z"}, "initial": {"z": 0.3}, "output": "3*z"}
     scene = arm("motor - 0.3*hub.omega*tip.vy + lead", controllers={"motor": {**PID, "limit": [-50, 50]}, "lead": lead})
     scene["bodies"] = {"arm": h.body(h.line(1.0), h.element("vallejo", 1), {"height": 0.05, "width": 0.02},
@@ -210,8 +210,8 @@ def test_a_pendulum_in_air():
     assert motion.place("arm@1") == pytest.approx([math.cos(wanted), math.sin(wanted)], abs=1e-9)
 
 
-def test_a_spring_by_formula_is_the_spring_that_it_says():
-    """Linear ones as such, beyond a gap and on one side; a bent one by its energy."""
+def test_a_spring_by_formula_equals_the_spring_that_it_describes():
+    """Linear formulas, with a gap, on one side; a nonlinear one by its energy."""
     def end(spring: dict, **more) -> np.ndarray:
         scene = {**arm("0"), "springs": [{"between": ["arm@1", [1, 2]], "type": "translational", **spring}],
                  "initial": {"rotation_rate": {"omega": 2}}, **more}
@@ -238,8 +238,8 @@ def test_a_spring_by_formula_is_the_spring_that_it_says():
         "second": {"type": "state", "rate": {"z": "-z"}, "output": "z + first"},
         "first": {"type": "pid", "input": "sqrt(0.1 - hub.theta)", "kp": 1}}},
      "expression 'sqrt.*' in controllers.first.input", "hub.theta", 0.1)])
-def test_an_expression_without_a_value_is_told(more: dict, what: str, name: str, bound: float) -> None:
-    """sqrt(0.1 - x) has none beyond 0.1, wherever it stands; the message has the value of x."""
+def test_an_expression_without_a_value_is_reported(more: dict, what: str, name: str, bound: float) -> None:
+    """sqrt(0.1 - x) has none beyond 0.1, in any place; the message has the value of x."""
     scene = {**arm("1 + sqrt(0.1 - hub.theta)" if not more else "1"), "initial": {"rotation_rate": {"omega": 0.05}},
              **more}
     until = scene.pop("solver", {})
@@ -251,15 +251,15 @@ def test_an_expression_without_a_value_is_told(more: dict, what: str, name: str,
 @pytest.mark.parametrize(("changes", "words"), [
     ({"solver": {"type": "dynamic", "t_end": 1, "method": "energy_momentum"}}, "energy_momentum uses mean loads"),
     ({"solver": {"type": "static"}}, "no motion on which a load could depend")])
-def test_what_cannot_answer_is_refused(changes, words):
+def test_solvers_without_feedback_refuse_it(changes, words):
     scene = arm("hub.theta")
     with pytest.raises(CaseError, match=words):
         h.build(scene.pop("bodies"), changes["solver"], **scene)
 
 
 @pytest.mark.parametrize("element", ["reissner3", "cable"])
-def test_section_forces_know_of_line_loads_by_formula(element: str) -> None:
-    """A load of 100 N/m as a formula and as a number: the same at a node, to some Gauss points between nodes."""
+def test_section_forces_include_line_loads_by_formula(element: str) -> None:
+    """A load of 100 N/m as a formula and as a number: the same at a node, nearly between nodes."""
     def solve(value: list[Any]) -> Any:
         body = {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
                 "section": {"height": 0.05, "width": 0.05}, "material": {"E": 1e9, "nu": 0.3, "rho": 1000},

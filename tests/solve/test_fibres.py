@@ -1,4 +1,4 @@
-"""Fibres that yield or follow a curve, in statics, beside closed forms of plasticity."""
+"""Fibres with plasticity or curves, in statics, compared with closed forms of plasticity."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from ancf2d.model.build import build_model
 from ancf2d.plot.kinds import build
 from ancf2d.results import open_results
 from ancf2d.solvers.fields import FieldReader
-from ancf2d.solvers.post import reactions
 from ancf2d.solvers.section_forces import SectionForces
+from ancf2d.solvers.state_results import reactions
 from ancf2d.study.run import run_case
 
 E, YIELD, HEIGHT, WIDTH, LENGTH = 2e11, 250e6, 0.1, 0.05, 1.0
@@ -32,7 +32,7 @@ TYPES = [("reissner3", None), ("cable", None), ("vallejo", "structural")]
 
 def held(kind: tuple[str, str | None], motion: dict[str, Any], material: dict[str, Any], steps: int = 12,
          section: dict[str, Any] | None = None) -> h.Solution:
-    """Return a clamped rod whose end is moved."""
+    """Return a clamped rod with a prescribed motion of its end."""
     body = {"geometry": h.line(LENGTH), "element": h.element(kind[0], 2, kind[1]), "material": material,
             "section": section or {"height": HEIGHT, "width": WIDTH}}
     if section:
@@ -42,7 +42,7 @@ def held(kind: tuple[str, str | None], motion: dict[str, Any], material: dict[st
 
 
 def at(found: h.Solution, *factors: float) -> list[dict[str, float]]:
-    """Return the reactions of the end at load factors that are among those of the states."""
+    """Return the reactions of the end at load factors of states."""
     t = np.array([s.t for s in found.states])
     near = [int(np.argmin(np.abs(t - f))) for f in factors]
     np.testing.assert_allclose(t[near], factors, rtol=1e-12)
@@ -57,7 +57,7 @@ def fibres(count: int, curvature: float) -> float:
 
 @pytest.mark.parametrize("kind", TYPES, ids=lambda k: k[0])
 def test_a_rectangle_bends_beyond_yield_and_back(kind: tuple[str, str | None]) -> None:
-    """M/M_y = 3/2 - (kappa_y/kappa)^2/2 (Prager & Hodge 1951); back to M = 0 it is elastic, kappa - M/(E I) remains."""
+    """M/M_y = 3/2 - (kappa_y/kappa)^2/2 (Prager & Hodge 1951); elastic unloading to M = 0 leaves kappa - M/(E I)."""
     curvature = 4.0 * BENT
     moment = fibres(16, curvature)
     remaining = (curvature - moment / EI) / curvature
@@ -72,7 +72,7 @@ def test_a_rectangle_bends_beyond_yield_and_back(kind: tuple[str, str | None]) -
 
 @pytest.mark.parametrize("kind", TYPES, ids=lambda k: k[0])
 def test_fibres_that_yield_under_an_eigenstrain_before_the_first_step_remember_it(kind: tuple[str, str | None]) -> None:
-    """Bent back to no elastic strain by one step: M = -f(k) + 2 f(k/2) with the moment f of virgin loading (Masing).
+    """Bent back to zero elastic strain in one step: M = -f(k) + 2 f(k/2) with the moment f of virgin loading (Masing).
 
     Sections that are held straight under a natural curvature are in balance, so no iteration finds their state.
     """
@@ -86,8 +86,8 @@ def test_fibres_that_yield_under_an_eigenstrain_before_the_first_step_remember_i
 
 
 @pytest.mark.parametrize("kind", TYPES[:2], ids=lambda k: k[0])
-def test_fibres_tell_their_stress_and_plastic_strain(kind: tuple[str, str | None], tmp_path: Path) -> None:
-    """Bent to kappa and let go, fibres keep p = e - clip(E e)/E and the stress clip(E e) - M y/I of the moment M.
+def test_fibres_have_their_stress_and_plastic_strain(kind: tuple[str, str | None], tmp_path: Path) -> None:
+    """Bent to kappa and released, fibres keep p = e - clip(E e)/E and the stress clip(E e) - M y/I of the moment M.
 
     The figure of moment over curvature has both at its corners.
     """
@@ -124,7 +124,7 @@ def test_fibres_tell_their_stress_and_plastic_strain(kind: tuple[str, str | None
 
 
 @pytest.mark.parametrize("kind", TYPES, ids=lambda k: k[0])
-def test_the_fields_of_layers_make_their_section_forces(kind: tuple[str, str | None]) -> None:
+def test_the_fields_of_layers_add_up_to_their_section_forces(kind: tuple[str, str | None]) -> None:
     """Sums of the stress over the fibres are N and M, of a metal on a rubber-like layer that hardens along a curve."""
     soft = {"E": 1e10, "nu": 0.4, "stress_strain": {"strain": [1e-3, 3e-3], "stress": [1e7, 1.4e7],
                                                         "unloading": "curve"}}
@@ -150,8 +150,8 @@ def test_the_fields_of_layers_make_their_section_forces(kind: tuple[str, str | N
 
 @pytest.mark.parametrize(("kind", "stations"), [(("reissner3", None), 2), (("cable", None), 3),
                                                 (("vallejo", "structural"), 2), (("omar", "structural"), 3)])
-def test_only_stations_that_bear_normal_force_and_moment_remember(kind: tuple[str, str | None], stations: int) -> None:
-    """Those of the stretch of a section, at Lobatto points of ANCF types, have no fibres that could yield."""
+def test_only_stations_with_normal_force_and_moment_have_memory(kind: tuple[str, str | None], stations: int) -> None:
+    """Stations of the section's stretch, at Lobatto points of ANCF types, have no fibres that could yield."""
     body = {"geometry": h.line(1.0), "element": h.element(kind[0], 3, kind[1]), "material": STEEL,
             "section": {"height": HEIGHT, "width": WIDTH}}
     model = build_model(h.load({"beam": body}, {"type": "static"}, bc=[{"type": "clamp", "at": "beam@0"}]))
@@ -169,7 +169,7 @@ def test_the_sum_over_fibres_converges_with_their_number() -> None:
 
 @pytest.mark.parametrize("kind", TYPES, ids=lambda k: k[0])
 @pytest.mark.parametrize("law", ["kinematic", "isotropic"])
-def test_a_bar_goes_through_cycles(kind: tuple[str, str | None], law: str) -> None:
+def test_a_bar_under_cycles(kind: tuple[str, str | None], law: str) -> None:
     """Between +e and -e: a loop of width 2 s_y, shifted, or one that grows (Simo & Hughes 1998)."""
     hard, most = 2e10, 5 * FIRST
     slope = E * hard / (E + hard)
@@ -187,8 +187,8 @@ def test_a_bar_goes_through_cycles(kind: tuple[str, str | None], law: str) -> No
 
 
 @pytest.mark.parametrize("kind", ["sine", "expression"])
-def test_load_steps_end_where_a_load_turns_back(kind: str) -> None:
-    """Of 3 e_y sin(5 pi f/2), the bar goes to 3, to -3, and back to 3 at the end, however few the steps are."""
+def test_load_steps_end_where_a_load_reverses(kind: str) -> None:
+    """For 3 e_y sin(5 pi f/2), the bar goes to 3, to -3, and back to 3 at the end, however few the steps are."""
     course = {"sine": {"type": "sine", "frequency": 1.25, "scale": 3 * FIRST},
               "expression": {"type": "expression", "value": f"{3 * FIRST!r}*sin(2*pi*1.25*t)"}}[kind]
     found = held(TYPES[0], {"ux": course, "uy": 0, "angle": 0}, {**STEEL, "hardening": {"isotropic": E / 10}}, steps=3)
@@ -203,8 +203,8 @@ def test_load_steps_end_where_a_load_turns_back(kind: str) -> None:
     assert {0.2, 0.6} <= {round(s.t, 9) for s in found.states}
 
 
-def test_the_error_of_load_steps_is_told() -> None:
-    """A load that turns beyond yield, beside fine steps; nothing is off where the way does not count."""
+def test_the_error_of_load_steps_is_reported() -> None:
+    """A load that reverses beyond yield, compared with fine steps; no error without path dependence."""
     def tip(steps: int, verify: bool = False, **more: Any) -> tuple[Any, Any]:
         found = ancf2d.solve({
             "bodies": {"rod": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
@@ -226,7 +226,7 @@ def test_the_error_of_load_steps_is_told() -> None:
     assert tip(4, True)[1]["estimate"] < 1e-9
 
 
-def test_a_curve_tells_hardening_or_is_elastic() -> None:
+def test_a_curve_defines_hardening_or_is_elastic() -> None:
     strain, stress = [FIRST, 2 * FIRST, 4 * FIRST], [YIELD, 1.1 * YIELD, 1.6 * YIELD]
     pull = {"type": "table", "t": [0, 0.4, 1], "value": [0, 6 * FIRST, 3 * FIRST]}
     top = 1.6 * YIELD + 2 * FIRST * (0.5 * YIELD / (2 * FIRST))
@@ -246,7 +246,7 @@ def test_a_cantilever_has_a_plastic_zone() -> None:
     assert tip / yields == pytest.approx((5 - (3 + m) * np.sqrt(3 - 2 * m)) / m**2, rel=4e-3)
 
 
-def test_three_bars_go_through_a_cycle() -> None:
+def test_three_bars_under_a_cycle() -> None:
     """F = A (s_1 + 2 c s_2) of a bar between two at 45 degrees, c their cosine, each within its yield stress.
 
     Strains are c^2 u/L there and u/L in the middle, so small that the geometry stays. The collapse load is
@@ -273,7 +273,7 @@ def test_three_bars_go_through_a_cycle() -> None:
 
 
 def test_layers_yield_one_by_one() -> None:
-    """Pulled alike, a layer that has yielded bears its yield stress, the other what its stiffness asks for."""
+    """Under equal strain, a yielded layer bears its yield stress, the other follows its stiffness."""
     layers = {"width": WIDTH, "axis": "middle", "layers": [
         {"height": 0.04, "material": {"E": E, "nu": 0.3, "yield": YIELD}},
         {"height": 0.06, "material": {"E": 0.5 * E, "nu": 0.3}}]}
@@ -307,7 +307,7 @@ def test_the_tangent_is_consistent_and_newton_converges_quadratically(kind: tupl
 
 
 def test_states_are_those_of_accepted_steps() -> None:
-    """The same way in many more steps ends at the same force: what was tried and cut is forgotten."""
+    """The same history in many more steps ends at the same force: rejected trials are forgotten."""
     turn = {"type": "table", "t": [0, 0.3, 0.6, 1], "value": [0, 0.2, -0.1, 0.15]}
     ends = [at(held(TYPES[0], {"angle": turn}, {**STEEL, "hardening": {"isotropic": 1e10}}, steps), 1.0)[0]
             for steps in (2, 40)]
@@ -318,7 +318,7 @@ def test_states_are_those_of_accepted_steps() -> None:
     ({"element": h.element("vallejo", 2, "continuum")}, "has no fibres"),
     ({"section": {"A": 0.005, "I": 4e-6, "height": 0.1}}, "do not define the fibres"),
     ({"element": {**h.element("reissner3", 2), "quadrature": [2, 1]}}, "a single fibre")])
-def test_what_has_no_fibres_is_refused(change: dict[str, Any], words: str) -> None:
+def test_bodies_without_fibres_are_refused(change: dict[str, Any], words: str) -> None:
     body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 2), "material": STEEL,
             "section": {"height": HEIGHT, "width": WIDTH}, **change}
     with pytest.raises(CaseError, match=words):
@@ -326,8 +326,8 @@ def test_what_has_no_fibres_is_refused(change: dict[str, Any], words: str) -> No
 
 
 @pytest.mark.parametrize("kind", TYPES[:2], ids=lambda k: k[0])
-def test_what_hardening_and_residual_stress_keep_is_strain_energy(kind: tuple[str, str | None]) -> None:
-    """A bar keeps s^2/(2 E) + K p^2/2 per volume; one bent and let go the energy of the stress that remains in it."""
+def test_hardening_and_residual_stress_store_strain_energy(kind: tuple[str, str | None]) -> None:
+    """A bar stores s^2/(2 E) + K p^2/2 per volume; one bent and released the energy of its residual stress."""
     hard = 2e10
     most = 4.0 * FIRST
     found = ancf2d.solve(_moved(kind, {"ux": most * LENGTH, "uy": 0, "angle": 0}, {**STEEL, "hardening": {

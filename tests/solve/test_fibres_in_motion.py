@@ -1,4 +1,4 @@
-"""Motions with fibres that yield: closed forms, unresolved vibrations and the balance of energy."""
+"""Motions with yielding fibres: closed forms, unresolved vibrations and the energy balance."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ancf2d.study.run import prepare
 
 @pytest.mark.parametrize("method", [pytest.param("generalized_alpha", marks=pytest.mark.slow), "radau5"])
 def test_a_bar_yields_in_motion(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A sudden force F = f A s_y stretches a bar by e_y/(2 (1 - f)), by the work of F; it then vibrates elastically.
+    """A sudden force F = f A s_y stretches a bar by e_y/(2 (1 - f)), by the work of F; then it vibrates elastically.
 
     Its strain is that of one element; what of it is plastic, e_p, has taken A L s_y e_p. A motion that is resumed
     is the same one.
@@ -45,8 +45,8 @@ def test_a_bar_yields_in_motion(method: str, monkeypatch: pytest.MonkeyPatch) ->
     np.testing.assert_array_equal(last.d[:len(done.d[-1])], done.d[-1])
 
 
-def test_motions_that_unresolved_vibrations_carry_away_are_told() -> None:
-    """A bar is pulled and pushed to 1.3 of its yield force, with steps of 62 periods of its vibrations."""
+def test_motions_distorted_by_unresolved_vibrations_give_a_warning() -> None:
+    """A bar under 1.3 of its yield force, alternating, with steps of 62 periods of its vibrations."""
     body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 1), "section": {
         "height": HEIGHT, "width": WIDTH}, "material": {**STEEL, "rho": 7850, "hardening": {"kinematic": 0.1 * E}}}
     told = [any("the energy balance is off" in w for w in ancf2d.solve(h.load({"rod": body}, {
@@ -59,7 +59,7 @@ def test_motions_that_unresolved_vibrations_carry_away_are_told() -> None:
 
 
 def test_the_balance_of_energy_is_of_the_order_of_the_motion() -> None:
-    """The drift of a bar that hardens falls with the square of the step, as the error of Newmark's method does."""
+    """The drift of a hardening bar falls with the square of the step, like the error of Newmark's method."""
     period = 2 * np.pi * LENGTH * np.sqrt(7850 / (3 * E))
     body = {"geometry": h.line(LENGTH), "element": h.element("reissner2", 1), "section": {
         "height": HEIGHT, "width": WIDTH}, "material": {**STEEL, "rho": 7850, "hardening": {"kinematic": 0.1 * E}}}

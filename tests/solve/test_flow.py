@@ -1,4 +1,4 @@
-"""Travelling beams and pipes that carry fluid, against closed forms and Galerkin's method in the test."""
+"""Travelling beams and fluid-conveying pipes, compared with closed forms and Galerkin's method in the test."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CLAMPED = [{"name": "wall", "type": "clamp", "at": "pipe@0"}]
 
 
 def pipe(beta: float = 0.5, element: str = "cable", count: int = 12, **more: Any) -> dict[str, Any]:
-    """A pipe of unit length, bending stiffness and mass, beta of which is that of the fluid."""
+    """A pipe of unit length, bending stiffness and mass, of which the fluid has the share beta."""
     return {"bodies": {"pipe": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
                                 "section": {"EA": 1e6, "kGA": 1e6, "EI": 1, "rhoA": 1 - beta, "rhoI": 0},
                                 "element": {"type": element, "count": count}}},
@@ -29,7 +29,7 @@ def pipe(beta: float = 0.5, element: str = "cable", count: int = 12, **more: Any
 
 
 def galerkin(beta: float, u: float, pinned: bool, terms: int = 14) -> NDArray[np.complex128]:
-    """Eigenvalues of w'''' + u^2 w'' + 2 sqrt(beta) u w't + w_tt = 0 by polynomials that meet the geometric conditions.
+    """Eigenvalues of w'''' + u^2 w'' + 2 sqrt(beta) u w't + w_tt = 0, by polynomials with the geometric conditions.
 
     Paidoussis 1998, Eq. (3.70); the natural conditions are those of the weak form.
     """
@@ -83,9 +83,9 @@ def test_element_types_agree(element: str) -> None:
 @pytest.mark.parametrize(("element", "more", "order"), [
     ("cable", {}, 4), ("reissner3", {}, 3), ("reissner3", {"masses": [{"at": "pipe@1", "mass": 0.3}]}, 2),
     ("reissner3", {"boundary_conditions": [*CLAMPED, {"type": "roller", "at": "pipe@1", "fixed": "y"}]}, 4)])
-def test_orders_of_pipes_follow_from_how_well_the_direction_of_the_outlet_is_known(element: str, more: dict[str, Any],
-                                                                                  order: int) -> None:
-    """The momentum that leaves acts along r_x at the end, whose error is of order 2, or 3 if w_xxx vanishes there."""
+def test_orders_of_pipes_follow_from_the_accuracy_of_the_outlet_direction(element: str, more: dict[str, Any],
+                                                                          order: int) -> None:
+    """The outflow of momentum acts along r_x at the end, whose error has order 2, or 3 if w_xxx vanishes there."""
     def frequency(count: int) -> float:
         case = pipe(0.2, element, count, **{"boundary_conditions": CLAMPED, **more})
         case["fluid"]["velocity"] = 5.0
@@ -106,8 +106,8 @@ def test_pinned_pipes_buckle_and_loads_stay() -> None:
     assert pushed["factor"] == pytest.approx(math.sqrt((math.pi**2 - 4) / 0.5), rel=2e-5)
 
 
-def test_flow_is_told_to_load_the_reference() -> None:
-    """A fluid straightens a pipe that is bent, and does nothing to one that is straight, but for round-off."""
+def test_flow_that_loads_the_reference_gives_a_warning() -> None:
+    """A fluid straightens a bent pipe, and does nothing to a straight one, up to round-off."""
     told = "the reference is not an equilibrium, because material flows there. Use about: static"
     bend = {"type": "arc", "center": [0, 0], "radius": 1, "from": 0, "to": 1}
     for support in (PINNED, CLAMPED):
@@ -148,7 +148,7 @@ def test_travelling_string(element: str, tension: float) -> None:
 
 @pytest.mark.parametrize("method", ["radau5", pytest.param("energy_momentum", marks=pytest.mark.slow)])
 @pytest.mark.slow
-def test_motions_grow_as_modes_say(method: str) -> None:
+def test_motions_grow_at_the_rate_of_modes(method: str) -> None:
     u, _ = critical(0.2, 5, 6)
     velocity = 1.05 * u / math.sqrt(0.2)
     case = pipe(0.2, "cable", 6, boundary_conditions=CLAMPED)
@@ -188,8 +188,8 @@ def test_the_fluid_has_weight_and_is_checked() -> None:
 
 @pytest.mark.slow_rows("True-True")
 @pytest.mark.parametrize(("curved", "told"), [(False, False), (True, True)])
-def test_flow_that_changes_the_state_is_told(curved: bool, told: bool) -> None:
-    """A pipe that hangs straight, which its weight stretches a little, and one that is an arc of 1 rad."""
+def test_flow_that_changes_the_state_gives_a_warning(curved: bool, told: bool) -> None:
+    """A straight hanging pipe, stretched a little by its weight, and an arc of 1 rad."""
     case = pipe(0.5, solver={"type": "buckling", "modes": 1}, boundary_conditions=CLAMPED,
                 loads=[{"type": "gravity", "value": [0, -1]}])
     line = {"type": "line", "start": [0, 0], "end": [0, -1]}

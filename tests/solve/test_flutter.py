@@ -1,4 +1,4 @@
-"""Flutter and divergence under loads that turn with the body: published and closed-form critical loads."""
+"""Flutter and divergence under follower loads: published and closed-form critical loads."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_becks_column(element: str, count: int) -> None:
     ("vallejo", 1e5, 16), ("reissner3", 1e6, 16), pytest.param("cable", 1e8, 200, marks=pytest.mark.slow),
     pytest.param("cable", 1e10, 16, marks=pytest.mark.slow)])
 def test_very_slender_columns_flutter_at_the_same_load(element: str, slenderness: float, count: int) -> None:
-    """Shifts above the round-off of thin sections miss the lowest motions. A warning says where their digits end."""
+    """Shifts above the round-off of thin sections miss the lowest motions. A warning states where their digits end."""
     EI, length = 2e11 * 0.1**4 / 12.0, 0.1 * slenderness
     section = {"section": {"height": 0.1, "width": 0.1}, "material": {"E": 2e11, "nu": 0.3, "rho": 7850}}
     body = {"geometry": {"type": "line", "start": [0, 0], "end": [length, 0]}, **section}
@@ -58,8 +58,8 @@ def test_very_slender_columns_flutter_at_the_same_load(element: str, slenderness
     assert bool(lost) == (slenderness > 1e7 and (count > 100 or slenderness > 1e9))
 
 
-def test_sections_without_rotary_inertia_flutter_all_the_same() -> None:
-    """Their rotations have stiffness and no mass: the lowest modes keep their digits beside a huge K/M."""
+def test_sections_without_rotary_inertia_flutter_too() -> None:
+    """Their rotations have stiffness and no mass: the lowest modes keep their digits despite a huge K/M."""
     section = {"EA": 2e5, "kGA": 2e5, "EI": 1, "rhoA": 1, "rhoI": 0}
     found = first(column(element="reissner3", count=16, body={"section": section}))
     assert found["kind"] == "flutter"
@@ -74,7 +74,7 @@ def test_leipholz_column() -> None:
 
 
 def test_internal_damping_destabilises_becks_column() -> None:
-    """Bolotin & Zhinzher 1969: 10.94 with Kelvin-Voigt damping that vanishes; damping by air changes little."""
+    """Bolotin & Zhinzher 1969: 10.94 with vanishing Kelvin-Voigt damping; external damping changes little."""
     found = first(column(body={"material": {"damping": {"kelvin_voigt": 1e-4}}}))
     assert found["factor"] == pytest.approx(10.94, rel=1e-3)
     assert found["omega"] == pytest.approx(5.40, rel=1e-2)
@@ -103,7 +103,7 @@ ZENER, TWO = ((0.5, 1.0),), ((0.3, 0.02), (0.2, 0.3))
 @pytest.mark.slow
 @pytest.mark.parametrize(("element", "count", "terms", "rel"), [
     ("cable", 24, ZENER, 1e-5), ("cable", 16, TWO, 1e-5), ("reissner3", 24, ZENER, 1e-5)], ids=str)
-def test_becks_column_of_a_material_that_relaxes(element: str, count: int, terms: Any, rel: float) -> None:
+def test_becks_column_of_a_relaxing_material(element: str, count: int, terms: Any, rel: float) -> None:
     """Flutter begins at P and omega where w'''' + P/e w'' = omega^2/e w with e = E(i omega)/E: two real equations."""
     found = first(column(element=element, count=count, body=relaxing(*terms)))
     assert found["kind"] == "flutter"
@@ -113,8 +113,8 @@ def test_becks_column_of_a_material_that_relaxes(element: str, count: int, terms
     assert 11.0 < factor < 17.0
 
 
-def test_a_motion_that_only_seems_to_grow_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the whole space has no critical factor although the followed modes seem to, a warning names the factor."""
+def test_a_motion_that_only_seems_to_grow_gives_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If the whole space has no critical factor although the followed modes seem to, a warning names the factor."""
     monkeypatch.setattr("ancf2d.solvers.small_motions.flutter._Track.refined", lambda self, start, low, high: None)
     summary = ancf2d.solve(column(), states=False).summary
     assert summary["load_factors"] == []
@@ -124,8 +124,8 @@ def test_a_motion_that_only_seems_to_grow_is_told(monkeypatch: pytest.MonkeyPatc
 
 @pytest.mark.slow_rows("32")
 @pytest.mark.parametrize("count", [8, 32])
-def test_factors_of_a_column_that_bends_before_it_flutters_are_no_critical_loads(count: int) -> None:
-    """EA theta^2 is as much as EI/L^2 long before Beck's load, where the tip turns by 0.5 P_y/EI: on any mesh."""
+def test_a_column_that_bends_before_flutter_has_no_critical_loads(count: int) -> None:
+    """EA theta^2 reaches EI/L^2 long before Beck's load, where the tip turns by 0.5 P_y/EI: on any mesh."""
     summary = ancf2d.solve(column({**TIP, "value": [-1, -0.05]}, modes=2, count=count), states=False).summary
     assert summary["load_factors"] == []
     told = [w for w in summary["warnings"] if "linear buckling does not apply" in w]
@@ -133,7 +133,7 @@ def test_factors_of_a_column_that_bends_before_it_flutters_are_no_critical_loads
     assert len(summary["warnings"]) == 1
 
 
-def test_motions_of_a_slender_column_that_relaxes_grow_as_the_beam_equation_says() -> None:
+def test_motions_of_a_slender_relaxing_column_grow_as_in_the_beam_equation() -> None:
     case = column({**TIP, "value": [-17, 0]}, element="reissner3", count=12, body=relaxing(*ZENER),
                   solver={"type": "eigen", "modes": 4, "about": "static"})
     pairs = [complex(f["growth"], f["omega"])
@@ -158,8 +158,8 @@ def relaxing(*terms: tuple[float, float]) -> dict[str, Any]:
 
 
 @pytest.mark.slow
-def test_a_column_of_two_materials_flutters_where_an_eigenvalue_comes_to_the_axis() -> None:
-    """The eigenvalues under the critical load, about its equilibrium, are those of the complex modulus of each body."""
+def test_a_column_of_two_materials_flutters_at_an_imaginary_eigenvalue() -> None:
+    """The eigenvalues under the critical load, about its equilibrium, are those of each body's complex modulus."""
     case = column({**TIP, "at": "d@1"}, body=relaxing((0.5, 1.0)), count=4)
     case["bodies"]["d"] = {**case["bodies"]["c"], **relaxing((3.0, 0.1), (0.2, 5.0)),
                            "geometry": {"type": "line", "start": [1, 0], "end": [2, 0]}}
@@ -175,7 +175,7 @@ def test_a_column_of_two_materials_flutters_where_an_eigenvalue_comes_to_the_axi
 
 
 @pytest.mark.slow
-def test_a_column_that_creeps_diverges_at_the_load_of_its_long_time_modulus() -> None:
+def test_a_creeping_column_diverges_at_the_load_of_its_long_term_modulus() -> None:
     dead = {"type": "force", "at": "c@1", "value": [-1, 0]}
     still = {"type": "follower_force", "at": "c@0", "value": [-1, 0]}
     found = first(column(dead, body=relaxing((0.5, 1.0)), loads=[dead, still]))
@@ -216,7 +216,7 @@ def ziegler(damping: float, load: float = -1.0, **more: Any) -> dict[str, Any]:
 
 
 def test_zieglers_pendulum() -> None:
-    """Ziegler 1952: 7/2 - sqrt 2 without damping, 41/28 with equal dampers that vanish; divergence at 7/2 + sqrt 2."""
+    """Ziegler 1952: 7/2 - sqrt 2 without damping, 41/28 with vanishing equal dampers; divergence at 7/2 + sqrt 2."""
     still, divergence = ancf2d.solve(ziegler(0.0), states=False).summary["critical"]
     assert still["factor"] == pytest.approx(3.5 - math.sqrt(2), rel=1e-7)
     assert still["omega"] == pytest.approx(2**-0.25, rel=1e-4)
@@ -226,7 +226,7 @@ def test_zieglers_pendulum() -> None:
 
 @pytest.mark.parametrize("beyond", [1e-3, 1e-5, 1e-7])
 def test_narrow_bands_of_divergence_are_found(beyond: float) -> None:
-    """Of the load, b = 4/9 (1 + beyond) keeps its direction: det K = 1 - 3 b P + b P^2 < 0 about P = 3/2 only."""
+    """The share b = 4/9 (1 + beyond) of the load is dead: det K = 1 - 3 b P + b P^2 < 0 about P = 3/2 only."""
     b = 4 / 9 * (1 + beyond)
     case = ziegler(0.0, b - 1)
     case["loads"].append({"type": "force", "at": "upper@1", "value": [-b, 0]})
@@ -237,7 +237,7 @@ def test_narrow_bands_of_divergence_are_found(beyond: float) -> None:
 
 @pytest.mark.parametrize(("coupling", "damping"), [(1e-2, 0.0), (1e-3, 0.0), (1e-2, 1e-4)])
 def test_narrow_bands_of_flutter_are_found(coupling: float, damping: float) -> None:
-    """A pendulum beside Ziegler's, coupled to its upper link by a soft spring, flutters where frequencies cross."""
+    """A pendulum next to Ziegler's, coupled to its upper link by a soft spring, flutters where frequencies cross."""
     case = ziegler(damping)
     case["bodies"]["third"] = {"geometry": {"type": "line", "start": [0, -1], "end": [1, -1]},
                                "element": {"type": "rigid", "mass": 1e-9, "inertia": 1e-9}}

@@ -1,4 +1,4 @@
-"""Section forces, reactions and probes of moving bodies against d'Alembert's principle by hand."""
+"""Section forces, reactions and probes of moving bodies compared with d'Alembert's principle by hand."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from helpers import section_forces
 from ancf2d.interactions.forces import DeadLoad
 from ancf2d.model.rotation import CoordinateKinds
 from ancf2d.solvers.linear import full_mass
-from ancf2d.solvers.post import Observer, energies, reactions
 from ancf2d.solvers.registry import solve
 from ancf2d.solvers.state import State
+from ancf2d.solvers.state_results import Observer, energies, reactions
 from ancf2d.solvers.system import System
 
 DYNAMIC = {"type": "dynamic", "t_end": 1, "dt": 0.01}
@@ -26,7 +26,7 @@ def bodies(name: str, count: int = 3, **material) -> dict:
 
 
 def moving(model, d, v=None, a=None, t=0.0) -> State:
-    """Return the state of a model at (d, v, a) (n_q,) each."""
+    """Return the state of a model at given d, v, a (n_q,)."""
     full = np.zeros(len(model.numbering.place))
     parts = [full.copy() for _ in range(3)]
     for part, given in zip(parts, (d, v, a), strict=True):
@@ -37,7 +37,7 @@ def moving(model, d, v=None, a=None, t=0.0) -> State:
 
 
 def whirl(name: str, omega: float = 30.0) -> tuple:
-    """Return the model and the state of a bar that turns steadily about its start, stretched as it must be."""
+    """Return the model and the state of a bar that rotates steadily about its start, with its stretch."""
     frame = h.solved(bodies(name), "static", bc=[{"type": "clamp", "at": "b@0", "hold": "section"}],
                      steady_rotation={"omega": omega})
     model = h.build(bodies(name), DYNAMIC, bc=[{"name": "hub", "type": "pin", "at": "b@0"}],
@@ -79,7 +79,7 @@ def test_velocities_of_probes_on_and_off_the_axis(name):
 
 
 def pushed(name: str, at: float, force: tuple[float, float], s: float) -> tuple[float, float, float]:
-    """Return N, Q, M of a free bar that a force pushes in the mean at S = at, once it vibrates no more.
+    """Return N, Q, M of a free bar pushed by a mean force at S = at, after vibrations have died out.
 
     Seen from the bar, inertia is a field of weight -F/m and the push is the reaction of a clamp.
     """
@@ -102,7 +102,7 @@ def test_a_bar_pushed_from_behind_is_compressed_by_its_inertia(name, s):
 
 @h.covering(name=TYPES, s=[0.1, 0.25, 0.4])
 def test_a_bar_pushed_at_its_middle_bends_under_its_inertia(name, s):
-    """From the free end on, rho A a = F/L per length: Q = F x/L and M = -F x^2/(2 L) up to the middle."""
+    """From the free end, rho A a = F/L per length: Q = F x/L and M = -F x^2/(2 L) up to the middle."""
     _, Q, M = pushed(name, 0.5, (0.0, 500.0), s)
     x = 2.0 * s
     assert pytest.approx(500 * x / 2, rel=1e-4) == Q
@@ -122,7 +122,7 @@ def test_a_falling_bar_has_no_section_forces(name):
 
 @h.covering(name=TYPES, s=[0.0, 0.4])
 def test_angular_acceleration_bends_a_bar(name, s):
-    """M(x) = -alpha rho A ((L^3 - x^3)/3 - x (L^2 - x^2)/2) - alpha rho I (L - x), Q(x) of the forces alone."""
+    """M(x) = -alpha rho A ((L^3 - x^3)/3 - x (L^2 - x^2)/2) - alpha rho I (L - x), Q(x) from the forces only."""
     model = h.build(bodies(name), DYNAMIC, bc=[{"name": "wall", "type": "clamp", "at": "b@0", "hold": "section"}])
     alpha, a = 7.0, np.zeros(model.n_q)
     CoordinateKinds(model.meshes.values()).rotation(a, model.e0, alpha)
@@ -144,7 +144,7 @@ def test_angular_acceleration_bends_a_bar(name, s):
 
 @pytest.mark.parametrize("name", ["2d2n", "cable", "reissner3"])
 def test_damping_is_part_of_the_section_forces(name):
-    """A bar that is stretched at a rate but not yet stretched: N = tau EA times the rate.
+    """A bar that is being stretched but has no stretch yet: N = tau EA times the rate.
 
     Its inertia just cancels Rayleigh's alpha.
     """

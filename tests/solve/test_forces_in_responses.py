@@ -1,4 +1,4 @@
-"""Section forces in frequency responses, beside closed forms, statics and the balance of a part of the body."""
+"""Section forces in frequency responses, compared with closed forms, statics and the balance of a part of a body."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def root_forces(F: float = 0.0, base: float = 0.0, tau: float = 0.003) -> Any:
 
 @pytest.mark.parametrize(("element", "count"), [("cable", 48), pytest.param("reissner3", 160, marks=pytest.mark.slow)])
 def test_section_forces_are_those_of_the_closed_form(element: str, count: int) -> None:
-    """One by one, and in a reduced space; with the viscous stress and the inertia of the element itself."""
+    """Single frequencies, and in a reduced space; with the viscous stress and the inertia of the element."""
     case = cantilever(["shaker", "base"], element, count)
     case["output"]["fields"] = ["N", "Q", "M"]
     found = ancf2d.solve(case)
@@ -62,7 +62,7 @@ def test_section_forces_are_those_of_the_closed_form(element: str, count: int) -
 
 @pytest.mark.parametrize("element", ["reissner3", pytest.param("cable", marks=pytest.mark.slow)])
 def test_section_forces_at_frequency_zero_are_derivatives_of_statics(element: str) -> None:
-    """About a loaded state, with loads, a spring and a mass inside elements: beside differences of two equilibria."""
+    """About a loaded state, with loads, a spring and a mass inside elements: against differences of equilibria."""
     names = ["line", "turn", "weight", "bend", "push"]
     case = copy.deepcopy(INSIDE)
     case["bodies"]["beam"]["element"]["type"] = element
@@ -86,7 +86,7 @@ def test_section_forces_at_frequency_zero_are_derivatives_of_statics(element: st
 
 @pytest.mark.slow
 def test_section_forces_in_a_turning_frame_balance_inertia_and_coriolis_forces() -> None:
-    """At the root of an undamped cantilever that turns, beside the forces on all of its coordinates together."""
+    """At the root of an undamped rotating cantilever, compared with the forces on all its coordinates."""
     spin, s = 6.0, 2j * np.pi * 1.3
     case = cantilever(["shaker"], "reissner3", 6, boundary_conditions=[{"type": "clamp", "at": "beam@0"}],
                       steady_rotation={"omega": spin})
@@ -109,7 +109,7 @@ def test_section_forces_in_a_turning_frame_balance_inertia_and_coriolis_forces()
     np.testing.assert_allclose([N, Q], np.array([0, 1]) - move @ inertia, rtol=1e-6)
 
 
-def test_section_forces_inside_an_element_that_a_support_holds_are_refused() -> None:
+def test_section_forces_inside_an_element_with_a_support_are_refused() -> None:
     case = copy.deepcopy(INSIDE)
     case["boundary_conditions"].append({"type": "roller", "at": "beam@0.55", "fixed": "x"})
     case["solver"] = {"type": "frequency_response", "frequencies": [0, 1], "inputs": ["turn"]}

@@ -1,12 +1,12 @@
-"""Frames with many loops, factored front by front, against another program's Timoshenko beams."""
+"""Frames with many loops, by the multifrontal method, compared with another program's Timoshenko beams."""
 
 from __future__ import annotations
 
 import helpers as h
 import pytest
 
-from ancf2d.solvers.post import Observer
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state_results import Observer
 
 SIDE = 10
 # displacement of the corner: linear, ElasticTimoshenkoBeam of OpenSees 3.7.1 (openseespy), one element a member,
@@ -15,7 +15,7 @@ OPENSEES = (0.011000735972089188, -0.011075087169628172)
 
 
 @pytest.mark.slow
-def test_a_lattice_bends_as_that_of_another_program() -> None:
+def test_a_lattice_bends_as_in_another_program() -> None:
     """10 x 10 nodes 1 m apart, steel 50 mm x 50 mm, clamped at one corner, 100 N down at the opposite one."""
     section, spec = {"height": 0.05, "width": 0.05}, h.element("reissner3", 2)
     material = {"E": 2.07e11, "nu": 0.3, "rho": 7850.0}

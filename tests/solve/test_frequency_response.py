@@ -1,4 +1,4 @@
-"""Frequency responses beside closed forms of the Euler-Bernoulli beam, and beside static solutions."""
+"""Frequency responses compared with closed forms of the Euler-Bernoulli beam, and with static solutions."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_receptance_and_base_excitation_are_those_of_the_closed_form(element: st
 
 @pytest.fixture
 def count(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """The sizes of the matrices that frequency responses factor."""
+    """Count the sizes of matrices that frequency responses factor."""
     from ancf2d.solvers.small_motions import factors, frequency_response
 
     found: list[Any] = []
@@ -74,8 +74,8 @@ def count(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     return found
 
 
-def test_many_frequencies_of_a_fine_mesh_come_from_few_factorisations(count: list[Any]) -> None:
-    """Beside the same frequencies one by one, and the closed form; round-off of the formed stiffness has no part."""
+def test_many_frequencies_of_a_fine_mesh_need_few_factorisations(count: list[Any]) -> None:
+    """Compared with single frequencies, and the closed form; round-off of the assembled stiffness has no effect."""
     damper = {"type": "translational", "between": ["beam@1", [1, 1.0e6]], "stiffness": 0, "damping": 0.3}
     more = {"springs": [damper], "damping": {"rayleigh": {"alpha": 0.1, "beta": 0}}}
     found = ancf2d.solve(cantilever(["shaker", "base"], "reissner3", 150, **more))
@@ -93,7 +93,7 @@ def test_many_frequencies_of_a_fine_mesh_come_from_few_factorisations(count: lis
 
 @pytest.mark.slow
 def test_models_with_multipliers_need_few_factorisations_too(count: list[Any]) -> None:
-    """A support that turns the end of a cable, and a slider with a mass: beside the same frequencies one by one."""
+    """A support that rotates the end of a cable, and a slider with a mass: compared with single frequencies."""
     case = cantilever(["shaker", "turn"], count=120)
     case["bodies"]["slider"] = {"geometry": {"type": "line", "start": [0.73, 0], "end": [0.73, 1]},
                                 "element": {"type": "rigid", "mass": 0.1, "inertia": 0.01}}
@@ -122,7 +122,7 @@ def over_a_range(tau: float, points: int, **more: Any) -> dict[str, Any]:
 
 @pytest.mark.slow_rows("0.003-400")
 @pytest.mark.parametrize(("tau", "points"), [(3e-3, 400), (1e-5, 5)])
-def test_points_are_placed_where_responses_bend(tau: float, points: int) -> None:
+def test_points_are_dense_where_responses_curve(tau: float, points: int) -> None:
     """The sharpest of the four resonances have a width of 2e-5 of their frequency: five points alone miss them."""
     found = ancf2d.solve(over_a_range(tau, points))
     hz = np.array(found.summary["response"]["hz"])
@@ -152,7 +152,7 @@ def test_circles_of_resonances_are_drawn_round() -> None:
     assert np.abs(H + 1j * radius) == pytest.approx(radius, rel=0.01)
 
 
-def test_points_of_undamped_responses_come_to_an_end() -> None:
+def test_points_of_undamped_responses_are_limited() -> None:
     case = over_a_range(0.0, 20, count=12)
     del case["bodies"]["beam"]["material"]
     assert 20 < len(ancf2d.solve(case, states=False).summary["response"]["hz"]) < 1000
@@ -161,7 +161,7 @@ def test_points_of_undamped_responses_come_to_an_end() -> None:
 @pytest.mark.parametrize("solver", [{}, pytest.param(
     {"from": None, "to": None, "points": None, "frequencies": HZ[::4].tolist()}, marks=pytest.mark.slow)])
 def test_responses_to_an_accuracy(solver: dict[str, Any]) -> None:
-    """The error of all curves is told, and is that beside the closed form, also between the points."""
+    """The error of all curves is reported; it agrees with the closed form, also between the points."""
     from ancf2d.study.accuracy.control import solve_to_accuracy
     from ancf2d.study.goal import curves_of
 
@@ -181,7 +181,7 @@ def test_responses_to_an_accuracy(solver: dict[str, Any]) -> None:
 
 
 def test_a_largest_amplitude_converges_with_the_mesh() -> None:
-    """The points of a range, which are others on each mesh, have no part in the error of a study."""
+    """The points of a range, which differ between meshes, have no effect on the error of a study."""
     goal = {"input": "shaker", "probe": "tip", "quantity": "uy"}
     study = ancf2d.convergence(over_a_range(3e-3, 40, goal=goal), elements=[4, 8, 16])
     assert study.as_json()["extrapolated"] == pytest.approx(30.675725, rel=1e-5)
@@ -197,7 +197,7 @@ def test_dashpots_and_rayleigh_damping_act() -> None:
 
 
 def test_line_loads_and_gravity_are_inputs() -> None:
-    """The closed form of E w'''' = -s^2 w + q: q/s^2 and four exponentials that fulfil the conditions at both ends."""
+    """The closed form of E w'''' = -s^2 w + q: q/s^2 and four exponentials that satisfy the conditions at both ends."""
     loads = [{"type": "distributed", "name": "line", "on": "beam", "value": [0, 2]},
              {"type": "distributed", "name": "part", "on": "beam", "value": [0, 2], "from": 0.25, "to": 0.75},
              {"type": "distributed", "name": "rest", "on": "beam", "value": [0, 2], "to": 0.25},
@@ -229,7 +229,7 @@ def test_a_prescribed_angle_is_an_input(element: str) -> None:
 
 @pytest.mark.slow
 def test_at_frequency_0_the_response_is_the_derivative_of_the_equilibrium() -> None:
-    """About a large static deflection, of a load that follows, of a moving and of a turning support."""
+    """About a large static deflection, with a follower load, a moving and a rotating support."""
     still = {"type": "static", "tolerance": 1e-12}
 
     def case(solver: dict[str, Any], push: float = 0.0, lift: float = 0.0, turn: float = 0.0) -> dict[str, Any]:
@@ -267,7 +267,7 @@ def test_amplitudes_over_time_are_ignored() -> None:
     ({"frequencies": None, "from": 5, "to": 2}, "from must be less than to"),
     ({"from": 5, "to": 20}, "both given"),
 ])
-def test_wrong_inputs_and_frequencies_are_told(solver: dict[str, Any], told: str) -> None:
+def test_wrong_inputs_and_frequencies_are_reported(solver: dict[str, Any], told: str) -> None:
     case = cantilever(["shaker"], count=4)
     case["solver"] = {k: v for k, v in {**case["solver"], **solver}.items() if v is not None}
     with pytest.raises(ancf2d.CaseError) as caught:
@@ -286,7 +286,7 @@ def test_range_of_frequencies() -> None:
         assert np.abs(hz - known[1]).min() < 1e-12
 
 
-def test_loads_that_are_no_inputs_are_told_to_have_no_effect() -> None:
+def test_other_loads_are_reported_to_have_no_effect() -> None:
     case = cantilever(["shaker"], count=2)
     case["loads"].append({"name": "other", "type": "force", "at": "beam@0.5", "value": [0, 1]})
     told = ancf2d.solve(case, states=False).warnings
@@ -302,7 +302,7 @@ def test_an_undamped_free_body_has_no_response_at_frequency_0() -> None:
 
 @pytest.mark.slow
 def test_figures_tables_and_comparison(tmp_path: Any) -> None:
-    """The file holds what the summary tells: figures, CSV and ``compare`` read it."""
+    """The file holds the data of the summary: figures, CSV and ``compare`` read it."""
     from ancf2d.results.compare import compare_results
     from ancf2d.results.export import export
     from ancf2d.results.target import is_own
@@ -329,7 +329,7 @@ def test_figures_tables_and_comparison(tmp_path: Any) -> None:
         assert results.tables["response"].units["shaker.tip.vy.im"] == "m/s"
 
 
-def test_probes_that_do_not_move_are_drawn_by_their_section_forces() -> None:
+def test_probes_without_motion_are_drawn_by_their_section_forces() -> None:
     case = cantilever(["shaker"], count=2)
     case["output"] = {"probes": {"root": "beam@0"}, "fields": ["N", "Q", "M"]}
     found = ancf2d.solve(ancf2d.load(case))

@@ -1,4 +1,4 @@
-"""Friction between bodies, and of a body on itself, against closed forms and balances."""
+"""Friction between bodies, and of a body on itself, compared with closed forms and balances."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LAYER = {"stiffness": 1e10}
 
 
 def leaves(name: str, count: int, mu: float, law: Any = LAYER) -> Any:
-    """Return two cantilevers that are pressed together all along, then bent by equal forces, and let go."""
+    """Return two cantilevers that are pressed together all along, then bent by equal forces, and released."""
     def leaf(y):
         section, material = {"height": HEIGHT, "width": WIDTH}, {"E": E, "nu": 0.3}
         return helpers.body(helpers.line(1.0, start=(0.0, y)), helpers.element(name, count), section, material)
@@ -42,8 +42,8 @@ def leaves(name: str, count: int, mu: float, law: Any = LAYER) -> Any:
         contacts=[{**ON, "friction": mu} | ({"law": law} if law else {})]))
 
 
-def test_leaves_that_rub_without_a_law_are_those_of_a_stiff_layer():
-    """Points all along slide, and go back: deflections as with the layer, but for what it gives."""
+def test_leaves_that_rub_without_a_law_behave_as_with_a_stiff_layer():
+    """All points slide, and go back: deflections as with the layer, up to its compliance."""
     hard, mu = leaves("reissner3", 4, MU, None), MU * PRESS * HEIGHT / (6 * BENDING)
     k = next(k for k, s in enumerate(hard.states) if s.t == pytest.approx(0.6))
     assert hard.u("lower@1", k)[1] == pytest.approx(-PUSH / (6 * BENDING) + mu, rel=5e-3)
@@ -52,7 +52,7 @@ def test_leaves_that_rub_without_a_law_are_those_of_a_stiff_layer():
 
 
 def test_leaves_that_rub_are_stiffer_and_keep_some_of_their_deflection():
-    """The shear mu n of the faces bends each leaf by mu n h/2 per length, so that w = (P -+ mu n h) L^3/(6 EI)."""
+    """The shear mu n of the faces bends each leaf by mu n h/2 per length, so w = (P -+ mu n h) L^3/(6 EI)."""
     solution, smooth = leaves("cable", 4, MU), leaves("cable", 4, 0.0)
     at = [next(k for k, s in enumerate(one.states) if s.t == pytest.approx(0.6)) for one in (solution, smooth)]
     less = MU * PRESS * HEIGHT / (6 * BENDING)
@@ -77,7 +77,7 @@ def test_leaves_that_rub_are_stiffer_and_keep_some_of_their_deflection():
 
 
 def tip_loaded(order: Any, mu: float, name: str = "reissner3", count: int = 2) -> Any:
-    """Return two cantilevers on each other, of which the upper one bears a force at its end, half of it at last."""
+    """Return two cantilevers on each other, the upper one with a force at its end that is halved at last."""
     def leaf(y):
         section = {"height": HEIGHT, "width": WIDTH}
         return helpers.body(helpers.line(1.0, start=(0.0, y)), helpers.element(name, count), section, {"E": E, "nu": 0})
@@ -114,8 +114,8 @@ def test_leaves_without_a_law_press_and_rub_at_their_ends(order, mu):
     assert abs(along) == pytest.approx(mu * abs(across), abs=3e-4 * abs(across))
 
 
-def test_what_closes_on_its_way_along_a_body_rubs_from_where_it_was():
-    """A block that is moved down and along through its gap in one load step slides: its friction is at the limit."""
+def test_points_that_close_while_moving_along_a_body_rub_from_there():
+    """A block that moves down and along through its gap in one load step slides: its friction is at the limit."""
     rail = helpers.body(helpers.line(1.0), helpers.element("reissner3", 4), {"height": HEIGHT, "width": WIDTH},
                         {"E": 2e9, "nu": 0})
     box = {"geometry": helpers.line(0.2, start=(0.35, 0.035)), "section": {"height": 0.04, "width": WIDTH},
@@ -134,7 +134,7 @@ def test_what_closes_on_its_way_along_a_body_rubs_from_where_it_was():
 
 def inclined(angle: float, mu: float, t_end: float = 0.5, k: float = 1e7, order: Any = ("box", "rail"),
              **solver: Any) -> Any:
-    """Return a block of 2 kg on a rail, as deep in it as its weight presses it; without a law where k is inf."""
+    """Return a block of 2 kg on a rail, at its static depth; without a law if k is inf."""
     c, s = np.cos(angle), np.sin(angle)
     along = np.array([c, s])
     start = 0.5 * along + (0.1 - 2 * G * c / k) * np.array([-s, c])
@@ -179,8 +179,8 @@ def test_the_order_of_the_bodies_does_not_matter(k):
     pytest.param({"law": {"stiffness": 1e6}}, {"tolerance": 1e-6}, marks=pytest.mark.slow),
     pytest.param({"law": {"stiffness": 1e6}}, {"tolerance": 1e-6, "method": "RK45"}, marks=pytest.mark.slow),
     ({"restitution": 0.5}, {"dt": 1e-3}), ({}, {"dt": 1e-3}), ({}, {"tolerance": 1e-4})], ids=str)
-def test_momentum_is_kept_where_one_body_drags_another(touch, solver):
-    """Two bars that meet aslant in free space: friction turns and drags both, in balance."""
+def test_momentum_is_conserved_if_one_body_drags_another(touch, solver):
+    """Two bars that meet at an angle in free space: friction rotates and drags both, in balance."""
     bodies = {"one": block([0, 0.12], [1, 0.12]), "two": block([-0.3, 0], [1.2, 0.01])}
     found = ride({"bodies": bodies, "initial": {"bodies": {"one": {"velocity": [1.0, -0.5]}}},
                   "contacts": [{"between": ["one", "two"], "friction": 0.5, **touch}]}, 0.1, every=1, **solver)
@@ -239,16 +239,16 @@ def test_a_block_and_a_plank_rub_until_they_move_together():
 
 
 @pytest.mark.parametrize(("push", "rate"), [(10.0, 10.0 / 7), (50.0, 0.3 * G)])
-def test_a_block_rides_on_a_plank_that_is_pushed(push, rate):
-    """It sticks as long as (m + M) mu g = 20.6 N bear the push, and is left behind where that is more."""
+def test_a_block_rides_on_a_pushed_plank(push, rate):
+    """It sticks up to a push of (m + M) mu g = 20.6 N, and is left behind above it."""
     found = on_plank(0.2, push=push, v=0.0, dt=1e-3)
     way = float((found.place("box@0") - found.place("box@0", 0))[0])
     assert way == pytest.approx(0.5 * rate * 0.2**2, rel=1e-6)
 
 
 @pytest.mark.slow
-def test_friction_without_a_law_is_that_of_a_layer_as_it_becomes_stiffer():
-    """How far the block slides differs by the rocking on the layer, about 1/k."""
+def test_friction_without_a_law_is_the_limit_of_stiff_layers():
+    """The sliding distance differs by the rocking on the layer, about 1/k."""
     def way(**how):
         found = on_plank(0.2, **how)
         return float((found.place("box@0") - found.place("plank@0"))[0])
@@ -261,14 +261,14 @@ def test_friction_without_a_law_is_that_of_a_layer_as_it_becomes_stiffer():
 
 @pytest.mark.slow
 def test_short_steps_after_a_point_engages_converge_to_round_off():
-    """Where errors count as errors of rates, Newton's tolerance is relative to the step, but not below round-off."""
+    """If errors count as errors of rates, Newton's tolerance is relative to the step, but not below round-off."""
     for k in 1e4 * (1.0 + 1e-3 * np.arange(7)):
         assert on_plank(0.2, law={"stiffness": k, "damping": 0.1 * k**0.5}, tolerance=1e-6).rows[-1].t == 0.2
 
 
 @pytest.mark.slow
 def test_a_flexible_block_that_chatters_on_a_flexible_plank_slows_down_by_mu_g():
-    """Friction has all of what presses in a step in which points close, also of waves that open them again.
+    """Friction acts on the total pressure of a step in which points close, also if waves open them again.
 
     Of the block alone, the impulse along is mu times that across, but for the slope of the plank.
     """
@@ -296,7 +296,7 @@ def lying(mu: float, **more: Any) -> dict[str, Any]:
 
 @pytest.mark.parametrize("mu", [0.3, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_leaves_that_touch_at_their_clamps_move_in_balance(mu):
-    """Points that supports hold at both bodies have no force; the energy never exceeds what it begins with."""
+    """Points that supports fix on both bodies have no force; the energy never exceeds its initial value."""
     found = ride(lying(mu), 0.02, every=1, dt=2.5e-4)
     assert len(found.log) < 100
     total, _ = found.totals()
@@ -316,7 +316,7 @@ def test_leaves_in_equilibrium_stay_there():
 
 @pytest.mark.parametrize("steps", [10, pytest.param(40, marks=pytest.mark.slow)])
 def test_bodies_that_begin_to_touch_do_not_pass_through_one_another_in_a_load_step(steps):
-    """Loads that would push leaves through one another, which touch with no gap, cut the step."""
+    """The step is cut if loads would push leaves, which touch with zero gap, through one another."""
     def leaf(y):
         return helpers.body(helpers.line(1.0, start=(0.0, y)), helpers.element("cable", 4),
                             {"height": HEIGHT, "width": WIDTH}, {"E": E, "nu": 0.3})
@@ -332,7 +332,7 @@ def test_bodies_that_begin_to_touch_do_not_pass_through_one_another_in_a_load_st
 
 
 def folded(whole: bool, law: Any) -> Any:
-    """Return a hairpin, in one piece or of two that are welded in its bend, whose end is pressed down and dragged."""
+    """Return a hairpin, in one piece or of two welded at its bend, whose end is pressed down and dragged."""
     arm, bend, start = {"line": 0.15}, 0.05, [0.15, 0.0]
     radius = 2 * bend / np.pi
 
@@ -360,7 +360,7 @@ def folded(whole: bool, law: Any) -> Any:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", [{"stiffness": 1e9}, None])
-def test_a_hairpin_rubs_on_itself_as_two_welded_halves_on_each_other(law):
+def test_a_hairpin_rubs_on_itself_like_two_welded_halves(law):
     pin, halves = folded(True, law), folded(False, law)
     for s in (0.0, 0.3, 0.7, 1.0):
         np.testing.assert_allclose(pin.r(f"pin@{0.5 + 0.5 * s}"), halves.r(f"upper@{s}"), rtol=0, atol=1e-9)

@@ -1,4 +1,4 @@
-"""Friction with obstacles along a path of loads, or over time: what sticks, what slides, and what is refused."""
+"""Friction with obstacles along a path of loads, or over time: sticking, sliding, and refusals."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ancf2d.solvers.statics.quasi_static import Course
 
 
 def test_friction_holds_a_strip_on_the_floor_up_to_its_limit() -> None:
-    """It slides until a spring bears what Coulomb's friction does not."""
+    """It slides until a spring bears the load above Coulomb's limit."""
     bodies = {"beam": helpers.body(helpers.line(1.0), helpers.element("reissner3", 4), {**STIFF, "EA": 1e4})}
     weight = {"type": "table", "t": [0, 0.2], "value": [0, 1]}
     pull = {"type": "table", "t": [0.2, 1], "value": [0, 1]}
@@ -47,7 +47,7 @@ def test_friction_holds_a_strip_on_the_floor_up_to_its_limit() -> None:
 @pytest.mark.slow_rows("solver1")
 @pytest.mark.parametrize("solver", ["static", {"type": "quasi_static", "t_end": 1, "tolerance": 1e-3}])
 def test_friction_without_a_law_holds_up_to_its_limit_and_along_the_path(solver) -> None:
-    """A heavy strip is pushed over the floor and back: a spring bears what Coulomb's friction does not, either way."""
+    """A heavy strip is pushed over the floor and back: a spring bears the load above Coulomb's limit, either way."""
     bodies = {"beam": helpers.body(helpers.line(1.0), helpers.element("reissner3", 4), {**STIFF, "EA": 1e4})}
     weight = {"type": "table", "t": [0, 0.2], "value": [0, 1]}
     push = {"type": "table", "t": [0.2, 0.6, 1], "value": [0, 1, -1]}
@@ -79,8 +79,8 @@ def test_friction_without_a_law_holds_up_to_its_limit_and_along_the_path(solver)
     np.testing.assert_allclose([sums["pressure"][0], sums["traction"][0]], [10.0, report["force"][0]], rtol=1e-8)
 
 
-def test_a_step_over_time_that_is_refused_leaves_nothing_behind() -> None:
-    """Neither places that friction holds to, nor what the material remembers: a strip that creeps slides on a floor."""
+def test_a_rejected_step_over_time_leaves_no_trace() -> None:
+    """Neither in the anchors of friction nor in the memory of the material: a creeping strip slides on a floor."""
     model = helpers.build(
         {"beam": helpers.body(helpers.line(1.0), helpers.element("reissner3", 4), {"height": 0.05, "width": 0.05},
                               {"E": 1e6, "nu": 0.3, "rho": 400.0, "viscoelastic": [{"modulus": 0.5, "time": 0.2}]})},
@@ -106,7 +106,7 @@ def test_a_step_over_time_that_is_refused_leaves_nothing_behind() -> None:
 
 
 def block_on_incline(kind: str, mu: float, metre: float = 1.0, mass: float = 1.0):
-    """Return a solved block of 8 kg on a slope of 0.3 rad, held by 100 N/m, in units of so many m and kg."""
+    """Return a solved block of 8 kg on a slope of 0.3 rad, on a spring of 100 N/m, in units of so many m and kg."""
     slope, size = 0.3, 9.81 / metre
     block = {"geometry": helpers.line(0.4 / metre, start=(0, 0.1 / metre)), "element": {"type": kind, "count": 2},
              "section": {"height": 0.2 / metre, "width": 0.1 / metre},
@@ -125,7 +125,7 @@ WEIGHT_DOWN, WEIGHT_ALONG = 8.0 * 9.81 * math.cos(0.3), 8.0 * 9.81 * math.sin(0.
 
 @pytest.mark.parametrize(("kind", "mu"), [("rigid", 0.5), ("reissner3", 0.5), ("reissner3", 0.2)])
 def test_a_block_on_an_incline_sticks_or_slides(kind: str, mu: float) -> None:
-    """It slides where the slope is steeper than friction bears, until a spring bears the rest."""
+    """It slides on a slope above the friction angle, until a spring bears the rest."""
     solution, k = block_on_incline(kind, mu), 100.0
     (report,) = contact_report(solution.model, solution.state)
     held = min(mu * WEIGHT_DOWN, WEIGHT_ALONG)
@@ -134,8 +134,8 @@ def test_a_block_on_an_incline_sticks_or_slides(kind: str, mu: float) -> None:
 
 
 @pytest.mark.parametrize("mu", [0.2, 0.5])
-def test_what_a_rigid_block_sticks_by_follows_the_units_and_forces_of_the_scene(mu: float) -> None:
-    """In m/kg/N and mm/t/N, and of weights of 1e-6 N and 1e9 N, it is in the same state."""
+def test_the_friction_of_a_rigid_block_scales_with_units_and_forces(mu: float) -> None:
+    """In m/kg/N and mm/t/N, and with weights of 1e-6 N and 1e9 N, it is in the same state."""
     share, places = min(mu * WEIGHT_DOWN, WEIGHT_ALONG), []
     # units of length [m] and mass [kg]
     for metre, mass in ((1.0, 1.0), (1e-3, 1e3), (1.0, 78.48e6), (1.0, 78.48e-9)):
@@ -148,7 +148,7 @@ def test_what_a_rigid_block_sticks_by_follows_the_units_and_forces_of_the_scene(
     np.testing.assert_allclose(places[0], [slipped, 0.0], rtol=1e-6, atol=2e-6)
 
 
-def test_friction_without_a_law_is_refused_where_no_path_of_loads_is_followed() -> None:
+def test_friction_without_a_law_is_refused_without_a_path_of_loads() -> None:
     for solver in ({"type": "eigen", "modes": 1}, {"type": "static", "method": "arc_length",
                                                    "until": {"load_factor": 1}}):
         with pytest.raises(CaseError, match="without a contact law, friction"):
@@ -157,8 +157,8 @@ def test_friction_without_a_law_is_refused_where_no_path_of_loads_is_followed() 
 
 
 @pytest.mark.parametrize(("kind", "count"), [("cable", 20), pytest.param("reissner3", 40, marks=pytest.mark.slow)])
-def test_a_belt_that_begins_in_its_drum_comes_out_and_slips_as_euler_and_eytelwein_say(kind: str, count: int) -> None:
-    """The drum is larger than the belt by 1e-6 m: gaps of the first state are closed at once, not held and let go."""
+def test_a_belt_that_starts_inside_its_drum_slips_at_the_ratio_of_euler_and_eytelwein(kind: str, count: int) -> None:
+    """The drum is larger than the belt by 1e-6 m: gaps of the first state are closed at once, not kept and released."""
     drum = {"type": "table", "t": [0, 0.2, 1], "value": [0, 0, -0.4]}
     model = helpers.build(
         {"belt": {"geometry": {"type": "path", "start": [-0.05, -0.1], "heading": math.pi / 2,
@@ -177,7 +177,7 @@ def test_a_belt_that_begins_in_its_drum_comes_out_and_slips_as_euler_and_eytelwe
 
 
 def _obeys_coulomb(model, before, state) -> None:
-    """Points without a law press, no body is in an obstacle, and friction is below its limit, or against slip."""
+    """Check that points without a law only press, no body penetrates, and friction obeys Coulomb's law."""
     assert overlap(model, state.d, state.t) <= 2.0 * PENETRATION * model.extent
     for one in model.contact_tables:
         held = [k for k, point in enumerate(one.points) if point.mem[STATUS] > 0.0]
@@ -195,7 +195,7 @@ def _obeys_coulomb(model, before, state) -> None:
 
 def ring(kind: str, friction: float, ends: str, pressed: float, count: int = 24, steps: int = 3,
          above: float | None = None):
-    """Return a ring between plates, of which the upper one comes down by a share of its radius.
+    """Return a ring between plates, of which the upper one moves down by a share of its radius.
 
     Their friction is the same, unless that ``above`` is given.
     """
@@ -220,7 +220,7 @@ def ring(kind: str, friction: float, ends: str, pressed: float, count: int = 24,
         ("reissner3", 0.3, "held"), ("vallejo", 0.05, "held"), ("cable", 1.0, "welded"),
         ("reissner3", 0.3, "welded"), ("reissner3", 0.3, "free")))])
 def test_a_ring_that_is_pressed_flat_between_rough_plates_obeys_coulomb(kind: str, friction: float, ends: str) -> None:
-    """With one end held, both welded, or by friction alone: it rolls out on plates, and slides on them here and there.
+    """With one end fixed, both welded, or held by friction: it rolls out on plates, and slides here and there.
 
     A force on an open point pulls it into a plate where friction goes on in one direction.
     """
@@ -267,8 +267,8 @@ def test_a_rough_ring_pressed_to_half_its_height_bears_the_force_of_an_elastica(
 
 
 @pytest.mark.parametrize("name", helpers.chosen(["cable", "reissner3", "vallejo"], ["cable"]))
-def test_a_rod_that_is_bent_over_a_rough_drum_depends_on_neither_load_steps_nor_mesh(name: str) -> None:
-    """It touches at one place, which moves along it as it rolls on and slides: all of it has the friction of sliding.
+def test_a_rod_bent_over_a_rough_drum_depends_on_neither_load_steps_nor_mesh(name: str) -> None:
+    """It touches at one point, which moves along it as it rolls on and slides: its friction is that of sliding.
 
     Where the place stood still for a while, or two points bore the force in turn, the force along would be 11 % off
     with 160 steps, and 2 % with 10.

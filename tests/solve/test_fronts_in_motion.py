@@ -1,4 +1,4 @@
-"""Frames that are no chain move alike whether their matrices are bands or fronts; by every method."""
+"""Branched frames move alike with band and front matrices, by every method."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_motions_with_fronts_are_those_with_bands(name: str, joint: str, damped:
         np.testing.assert_allclose(y, x, rtol=0, atol=1e-9 * np.abs(x).max())
 
 
-def test_energy_and_momentum_are_kept_with_fronts() -> None:
+def test_energy_and_momentum_are_conserved_with_fronts() -> None:
     scene = fork("vallejo", "weld", False)
     band, fronts = (moved(nested, scene, method="energy_momentum") for nested in (False, True))
     for x, y in zip(band, fronts, strict=True):

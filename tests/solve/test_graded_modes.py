@@ -1,4 +1,4 @@
-"""Soft motions beside motions that are twenty orders of magnitude stiffer keep their digits."""
+"""Soft motions keep their digits next to motions twenty orders of magnitude stiffer."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from ancf2d.solvers.small_motions import lowest_modes
-from ancf2d.solvers.small_motions.graded import graded_ritz, jacobi
+from ancf2d.solvers.small_motions.rayleigh_ritz import graded_ritz, jacobi
 
 SIZES = 10.0 ** np.linspace(-18, 14, 12)
 
 
 def graded(coupling: float = 0.3) -> tuple[np.ndarray, np.ndarray]:
-    """Return a matrix of pairs of soft and stiff numbers in any order, and its eigenvalues, in closed form."""
+    """Return a matrix of pairs of soft and stiff entries in any order, and its eigenvalues, in closed form."""
     A, values = np.zeros((12, 12)), []
     order = np.random.default_rng(1).permutation(12)
     for i, j in zip(order[:6], order[6:], strict=True):

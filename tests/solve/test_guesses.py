@@ -1,4 +1,4 @@
-"""Statics from the state of another mesh: the same equilibrium in few iterations, load steps where the guess is bad."""
+"""Statics from the state of another mesh: the same equilibrium in few iterations, load steps for a bad guess."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_the_equilibrium_is_that_of_the_load_steps(element):
     assert found[0].history["iterations"] < 0.3 * sum(s.history["iterations"] for s in stepped)
 
 
-def test_load_steps_are_taken_where_the_guess_is_far_or_on_another_branch():
+def test_a_guess_that_is_far_or_on_another_branch_leads_to_load_steps():
     of = model("reissner3", 4)
     *_, end = solve_static(of)
     assert len(list(solve_static(of, start=Start(end.d, 0)))) == 1

@@ -1,4 +1,4 @@
-"""The impacts that a motion stores: when, where, with which impulse, and what they take."""
+"""Stored impacts of a motion: times, positions, impulses, and energy lost."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ G, M, J = 9.81, 2.0, 0.25
 
 
 def rods(restitution: float, method: str, **solver: Any) -> dict[str, Any]:
-    """Return a rod that falls by 0.5 m onto the floor with its left end, 0.4 m beside its centre, the other way up."""
+    """Return a rod that falls by 0.5 m onto the floor with its left end, 0.4 m to the side of its centre."""
     solver = {"type": "dynamic", "method": method, "t_end": 0.35, **solver}
     return {
         "bodies": {"rod": {"geometry": {"type": "line", "start": [0.0, 0.5], "end": [0.8, 1.1]},
@@ -36,7 +36,7 @@ def rods(restitution: float, method: str, **solver: Any) -> dict[str, Any]:
     ("generalized_alpha", {"dt": 1e-4, "estimate": False})], ids=["adaptive", "radau", "fixed"])
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
 def test_the_impulse_of_a_rod_that_falls_on_its_end(restitution: float, method: str, steps: dict[str, Any]) -> None:
-    """With m = 1/(1/M + r^2/J) at the end, r beside the centre, it is (1 + e) m v and takes m v^2 (1 - e^2)/2."""
+    """With m = 1/(1/M + r^2/J) at the end, r from the centre, it is (1 + e) m v and dissipates m v^2 (1 - e^2)/2."""
     told = ancf2d.solve(rods(restitution, method, **steps), states=False).summary["impacts"]
     v, m = math.sqrt(2.0 * G * 0.5), 1.0 / (1.0 / M + 0.4**2 / J)
     first = told["first"]
@@ -50,8 +50,8 @@ def test_the_impulse_of_a_rod_that_falls_on_its_end(restitution: float, method: 
     assert told["lost"] == first["lost"]
 
 
-def test_impacts_of_a_resumed_motion_are_those_of_one_that_was_not_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each once, from wherever it goes on; what they take is all that is dissipated."""
+def test_impacts_of_a_resumed_motion_are_those_of_an_uninterrupted_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each once, from any checkpoint; the energy they lose is all that is dissipated."""
     # every state ends a chunk, from which a run can go on
     monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
     model = prepare(load(rods(0.5, "generalized_alpha", tolerance=1e-6, t_end=0.8, estimate=False)))
@@ -66,13 +66,12 @@ def test_impacts_of_a_resumed_motion_are_those_of_one_that_was_not_interrupted(m
         assert end.report["impacts"] == states[-1].report["impacts"]
 
 
-def test_a_motion_in_which_nothing_meets_has_no_impacts() -> None:
+def test_a_motion_without_collisions_has_no_impacts() -> None:
     assert "impacts" not in ancf2d.solve(rods(0.0, "generalized_alpha", tolerance=1e-4, t_end=0.2)).summary
 
 
-def test_both_bodies_are_told_where_one_hits_the_other() -> None:
-    """Two equal bars of mass 2: the impulse of a plastic impact is half of the momentum, and half of the energy goes.
-    """
+def test_impacts_between_bodies_name_both() -> None:
+    """Two equal bars of mass 2: a plastic impact takes half of the momentum as impulse, and half of the energy."""
     def bar(y: float) -> dict[str, Any]:
         return {"geometry": {"type": "line", "start": [0, y], "end": [1, y]},
                 "section": {"height": 0.1, "width": 0.1}, "material": {"E": 1e9, "nu": 0.3, "rho": 200.0},
@@ -89,7 +88,7 @@ def test_both_bodies_are_told_where_one_hits_the_other() -> None:
     assert np.isfinite(first["S"])
 
 
-def test_what_impacts_take_is_told_and_who_loses_energy_behind_them() -> None:
+def test_the_energy_lost_in_and_after_impacts_is_reported() -> None:
     summary = {"impacts": {"count": 2, "lost": 0.25, "strongest": {
         "t": 0.125, "body": "rod", "touched": "floor", "S": 0.5, "impulse": 3.0}}}
     (line,) = motion_lines(summary, ("m", "N", "s"))[-1:]

@@ -1,4 +1,4 @@
-"""How a motion starts: rigid velocity fields, static equilibrium, result files; every refusal stands in the case."""
+"""The start of a motion: rigid velocity fields, static equilibrium, result files; refusals name their line."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def test_a_rigid_velocity_field_strains_nothing(name, formulation):
 
 
 @pytest.mark.parametrize("name", ["2d2n", "cable", "reissner3", "ancf[2,2]"])
-def test_a_deformed_body_turns_as_it_is(name):
-    """The rates of nodal coordinates are omega x them as they stand, not as they are in the reference."""
+def test_a_deformed_body_rotates_in_its_current_shape(name):
+    """The rates of nodal coordinates are omega x their current values, not the reference values."""
     bodies = {"b": h.body(h.line(2.0), h.element(name, 4), {"height": 0.1, "width": 0.1}, h.STEEL)}
     scene = {"bc": [{"type": "clamp", "at": "b@0"}], "loads": [{"type": "force", "at": "b@1", "value": [0, -1e5]}]}
     model = h.build(bodies, DYNAMIC, initial={"from": "static", **SPIN}, **scene)
@@ -63,7 +63,7 @@ def test_velocities_of_points_are_those_of_the_field():
     np.testing.assert_allclose(found, [0.4 - 3.0 * (y - 0.7), -1.0 + 3.0 * (x - 0.2)], rtol=1e-12)
 
 
-def test_single_bodies_override_what_is_said_of_all():
+def test_values_of_single_bodies_override_common_ones():
     bodies = {n: h.body(h.LINE, h.element("reissner2", 2)) for n in ("a", "b", "c")}
     own = {"b": {"velocity": [7.0, 0.0]}, "c": {"rotation_rate": {"omega": -1.0}}}
     model = h.build(bodies, DYNAMIC, initial={**SPIN, "bodies": own})
@@ -86,7 +86,7 @@ LOADS = [
 
 @pytest.mark.parametrize("name", ["vallejo", "cable", "reissner2", "2d3n"])
 def test_forces_balance_in_the_static_start(name):
-    """With loads at their size at t = 0 (a ramp from 0 is not there yet), nothing accelerates."""
+    """With loads at their value at t = 0 (a ramp from 0 is zero), nothing accelerates."""
     bodies = {"b": h.body(h.LINE, h.element(name, 3), {"height": 0.05, "width": 0.1}, h.STEEL)}
     model = h.build(bodies, DYNAMIC, bc=[{"type": "clamp", "at": "b@0"}], loads=LOADS, initial={"from": "static"})
     d, v, _ = initial_motion(model)
@@ -105,7 +105,7 @@ def test_a_static_start_needs_supports():
     assert initial_problems(model)[0].line == 1
 
 
-def test_a_static_start_that_is_not_found_says_what_it_was_for():
+def test_a_failed_static_start_names_its_purpose():
     bodies = {"b": h.body(h.LINE, h.element("vallejo", 2))}
     loads = [{"type": "force", "at": "b@1", "value": [-1e11, 0]}]
     model = h.build(bodies, DYNAMIC, bc=[{"type": "clamp", "at": "b@0"}], loads=loads, initial={"from": "static"})
@@ -135,12 +135,12 @@ def bent(tmp_path_factory):
 
 
 def dynamic(place: Path, from_: str, start=None, **changes):
-    """Return the model of a dynamic case that starts from a file beside it."""
+    """Return the model of a dynamic case that starts from a file in its folder."""
     initial = {"from": from_, **(start or {})}
     return build_model(load(write(place / "motion.yaml", solver=DYNAMIC, initial=initial, **changes)))
 
 
-def test_a_file_is_found_beside_the_case_and_gives_its_last_state(bent):
+def test_a_file_next_to_the_case_gives_its_last_state(bent):
     place, d = bent
     start, v, _ = initial_motion(dynamic(place, "bent.h5"))
     np.testing.assert_array_equal(start, d)
@@ -148,7 +148,7 @@ def test_a_file_is_found_beside_the_case_and_gives_its_last_state(bent):
     assert abs(d).max() > 0.1
 
 
-def test_rates_of_a_file_are_kept_where_nothing_is_said(bent):
+def test_rates_of_a_file_are_kept_by_default(bent):
     from ancf2d.results import ResultWriter
     from ancf2d.study.run import body_record, result_header
 
@@ -179,7 +179,7 @@ OTHER = {
 
 
 @pytest.mark.parametrize("what", OTHER)
-def test_a_file_of_something_else_is_refused_where_it_is_named(bent, what):
+def test_a_file_of_another_kind_is_refused_at_its_line(bent, what):
     body, message = OTHER[what]
     model = dynamic(bent[0], "bent.h5", bodies={"b": body})
     with pytest.raises(CaseError, match=message) as caught:
@@ -202,13 +202,13 @@ def test_a_file_with_other_bodies_is_refused(bent):
     ({"type": "prescribed", "at": "b@1", "angle": {"type": "expression", "value": "t"}},
      r"support_1: the rotation differs in the last state of '.*bent\.h5'"),
 ])
-def test_a_file_whose_state_supports_do_not_hold_is_refused(bent, support, message):
+def test_a_file_whose_state_violates_supports_is_refused(bent, support, message):
     model = dynamic(bent[0], "bent.h5", boundary_conditions=[{"name": "support_1", **support}])
     with pytest.raises(CaseError, match=message):
         initial_motion(model)
 
 
-def test_a_file_that_is_missing_or_no_result_is_refused(bent):
+def test_a_file_that_is_missing_or_not_a_result_is_refused(bent):
     place, _ = bent
     (place / "text.h5").write_text("no results")
     for name in ("absent.h5", "text.h5"):
@@ -217,7 +217,7 @@ def test_a_file_that_is_missing_or_no_result_is_refused(bent):
         assert caught.value.problems[0].source_line.strip() == f"from: {name}"
 
 
-def test_the_mass_of_all_coordinates_is_the_mass_of_the_unknowns_where_nothing_is_held():
+def test_without_supports_the_mass_of_all_coordinates_is_that_of_the_unknowns():
     from ancf2d.solvers.linear import assemble_mass, make_matrix
 
     for name in ("2d2n", "cable", "reissner3"):
@@ -235,14 +235,14 @@ def test_the_mass_of_all_coordinates_is_the_mass_of_the_unknowns_where_nothing_i
 
 
 def begun(scene):
-    """Return the model of a scene, d and the rates that its motion begins with."""
+    """Return the model of a scene, and d and the rates at the start of its motion."""
     ride = Ride(scene, 1e-3, method="radau5", tolerance=1e-6).start()
     d, v, _ = ride.full(0)
     return ride.model, d, v
 
 
 def test_a_rod_on_two_sliders_keeps_the_velocity_along_their_line():
-    """Pushed along x at 30 degrees to the line: cos^2 of the energy is left."""
+    """Pushed along x at 30 degrees to the line: cos^2 of the energy remains."""
     along = [np.cos(np.pi / 6), np.sin(np.pi / 6)]
     slide = [{"type": "slider", "at": f"b@{s}", "through": [0, 0], "along": along} for s in (0, 1)]
     model, _, v = begun({"bodies": {"b": rigid((0, 0), along, 3.0, 0.25)}, "joints": slide,
@@ -254,7 +254,7 @@ def test_a_rod_on_two_sliders_keeps_the_velocity_along_their_line():
 @pytest.mark.parametrize("order", ["ab", "ba"])
 @pytest.mark.parametrize("make", [lambda *ends: rigid(*ends, 1.0, 1 / 12), lambda *ends: rod("cable", 2, *ends)],
                          ids=["rigid", "cable"])
-def test_a_joint_keeps_momentum_in_whichever_order_bodies_are_listed(order, make):
+def test_a_joint_conserves_momentum_for_any_order_of_bodies(order, make):
     bodies = {"a": make((0, 0), (1, 0)), "b": make((1, 0), (2, 0))}
     scene = {"bodies": {name: bodies[name] for name in order},
              "joints": [{"type": "pin", "between": ["a@1", "b@0"]}],
@@ -278,7 +278,7 @@ def test_two_rigid_rods_that_are_joined_in_flight():
 
 
 def test_a_falling_rod_that_is_caught_at_its_end_turns_about_it():
-    """The moment of momentum about the pin is kept: omega = 3 v/(2 L); a quarter of the energy is lost, and told."""
+    """Angular momentum about the pin is conserved: omega = 3 v/(2 L); a quarter of the energy is lost, as reported."""
     scene = {"bodies": {"b": rigid((0, 0), (2, 0), 3.0, 1.0)}, "bc": [{"type": "pin", "at": "b@0"}],
              "initial": {"velocity": [0, -1]}}
     model, _, v = begun(scene)
@@ -291,7 +291,7 @@ def test_a_falling_rod_that_is_caught_at_its_end_turns_about_it():
 
 
 def test_a_driven_end_starts_as_after_an_impact():
-    """A rod at rest whose end is suddenly driven across at 1 m/s: its other end recoils at half of that."""
+    """A rod at rest whose end is suddenly driven at 1 m/s transversely: its other end recoils at half of that."""
     drive = {"type": "prescribed", "at": "b@0", "uy": {"type": "expression", "value": "t"}}
     model, _, v = begun({"bodies": {"b": rigid((0, 0), (1, 0), 3.0, 0.25)}, "bc": [drive]})
     np.testing.assert_allclose(v[:4], [0, 1, 0, -0.5], atol=1e-14)
@@ -333,7 +333,7 @@ def test_flexible_rods_keep_a_rotation_about_their_joint_and_support(name):
 
 
 @pytest.mark.parametrize("raised", [0.3, 0.4])
-def test_a_motion_from_a_file_begins_where_that_touches(tmp_path, raised):
+def test_a_motion_from_a_file_starts_with_its_contacts(tmp_path, raised):
     """A disc lifts the end of a lever, which rests there, although the disc would overlap it in the reference."""
     pressed = {
         "bodies": {"lever": {"geometry": h.line(1.0), "element": {"type": "rigid", "mass": 1.0, "inertia": 0.1}}},
@@ -359,8 +359,8 @@ def test_a_motion_from_a_file_begins_where_that_touches(tmp_path, raised):
 
 @pytest.mark.slow_rows("changes0")
 @pytest.mark.parametrize("changes", [{}, {"joints": [{"type": "pin", "between": ["a@1", "b@0"], "name": "other"}]}])
-def test_energy_momentum_goes_on_from_a_file_as_if_it_had_not_stopped(tmp_path, changes):
-    """Its rates meet constraints in the mean of steps alone; under other joints they are put onto the constraints."""
+def test_energy_momentum_continues_from_a_file_without_a_break(tmp_path, changes):
+    """Its rates meet constraints only in the mean of steps; with other joints they are projected."""
     scene = {"bodies": {"a": {"geometry": h.line(1.0), "element": {"type": "rigid", "mass": 1.0, "inertia": 0.1}},
                         "b": {"geometry": {"type": "line", "start": [1, 0], "end": [1, 1]},
                               "element": {"type": "rigid", "mass": 2.0, "inertia": 0.2}}},
@@ -378,8 +378,8 @@ def test_energy_momentum_goes_on_from_a_file_as_if_it_had_not_stopped(tmp_path, 
     assert apart > 1e-3 if changes else apart < 1e-9
 
 
-def test_what_rests_beside_an_obstacle_that_it_does_not_touch_takes_the_steps_asked_for():
-    """Round-off of its energy is no gain, although the kinetic energy is smaller still."""
+def test_a_body_at_rest_near_an_obstacle_takes_the_requested_steps():
+    """Round-off of its energy is not a gain, although the kinetic energy is even smaller."""
     frame = h.body({"type": "polyline", "points": [[0, 0], [0.5, 0], [1, 0.3]]}, h.element("reissner2", 2),
                    {"height": 0.05, "width": 0.05}, {"E": 1e8, "nu": 0.3, "rho": 1000})
     outcome = run_case(h.load(

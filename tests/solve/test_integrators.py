@@ -1,4 +1,4 @@
-"""The integrators by name: what each is made by, and what each refuses, where in the case."""
+"""Integrators by name: their implementations, and refusals with their lines."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ancf2d.kernels.motion.state import SIZE, TIME
 from ancf2d.kernels.motion.step_control import increment_tolerance
 from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.integrators import INTEGRATORS, SCIPY_METHODS, method_problems
-from ancf2d.solvers.motion.methods import MAKERS
+from ancf2d.solvers.motion.own_integrators import MAKERS
 
 FREE = {"bodies": {"a": rod("vallejo")}, "bc": [{"type": "pin", "at": "a@0"}], "loads": GRAVITY}
 EXACT = {**FREE, "bodies": {"a": rod("vallejo"), "b": rod("reissner3", 2, (1, 0), (2, 0))}}
@@ -20,23 +20,23 @@ HELD = {"bodies": {"a": rigid([0, 0], [1, 0], 1.0, 0.1)}, "bc": [{"type": "pin",
 
 
 def refusals(scene, **solver):
-    """Return what is refused: (key, message, expected) of every problem."""
+    """Return (key, message, expected) of every refusal."""
     model = h.build(scene["bodies"], {"type": "dynamic", "t_end": 1.0, "dt": 0.01, **solver},
                     **{k: v for k, v in scene.items() if k != "bodies"})
     return [(p.path[1], p.message, p.expected) for p in method_problems(model)]
 
 
-def test_every_integrator_is_made_by_the_tool_or_by_scipy():
+def test_every_integrator_is_from_ancf2d_or_scipy():
     assert set(MAKERS) | set(SCIPY_METHODS) == set(INTEGRATORS)
     assert not set(MAKERS) & set(SCIPY_METHODS)
 
 
 @pytest.mark.parametrize("method", INTEGRATORS)
-def test_a_model_without_multipliers_is_moved_by_every_one(method):
+def test_every_integrator_accepts_a_model_without_multipliers(method):
     assert refusals(FREE, method=method) == []
 
 
-def test_energy_cannot_be_kept_for_strains_by_an_angle():
+def test_energy_momentum_refuses_strains_of_an_angle():
     ((key, message, expected),) = refusals(EXACT, method="energy_momentum")
     assert key == "method"
     assert "geometrically_exact of b" in message
@@ -46,14 +46,14 @@ def test_energy_cannot_be_kept_for_strains_by_an_angle():
 @pytest.mark.parametrize(("solver", "key"), [
     ({"method": "newmark"}, "method"), ({"method": "hht", "spectral_radius": 1.0}, "spectral_radius"),
     ({"method": "generalized_alpha", "spectral_radius": 1.0}, "spectral_radius")])
-def test_what_damps_nothing_is_refused_with_multipliers(solver, key):
+def test_methods_without_damping_are_refused_with_multipliers(solver, key):
     ((found, message, _),) = refusals(HELD, **solver)
     assert found == key
     assert "makes the constraint forces of a grow from step to step" in message
     assert refusals(FREE, **solver) == []
 
 
-def test_what_newmark_refuses_at_a_corner_says_which_elements_need_no_multipliers_there():
+def test_the_refusal_of_newmark_at_a_corner_names_elements_without_multipliers():
     def bent(name):
         frame = h.body({"type": "polyline", "points": [[0, 0], [1, 0], [1, 1]]}, h.element(name, 2),
                              h.SECTION, h.MATERIAL)
@@ -72,7 +72,7 @@ def test_what_newmark_refuses_at_a_corner_says_which_elements_need_no_multiplier
     ({"method": "radau5", "spectral_radius": 0.8}, "radau5 has no spectral radius"),
     ({"spectral_radius": 0.8}, "radau5 has no spectral radius"),
     ({"method": "RK45", "spectral_radius": 0.8}, "RK45 has no spectral radius")])
-def test_spectral_radii_that_a_method_cannot_have(solver, part):
+def test_spectral_radii_out_of_range(solver, part):
     ((key, message, _),) = refusals(FREE, **solver)
     assert key == "spectral_radius"
     assert part in message
@@ -80,7 +80,7 @@ def test_spectral_radii_that_a_method_cannot_have(solver, part):
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("method", INTEGRATORS)
-def test_contact_without_a_law_is_refused_unless_it_is_declared_and_the_message_lists_the_others(method, friction):
+def test_contact_without_a_law_is_refused_with_a_list_of_methods_that_have_it(method, friction):
     scene = {"bodies": {"a": rod("vallejo")}, "obstacles": {"floor": {
         "type": "half_plane", "through": [0, -1], "normal": [0, 1]}}, "contacts": [
             {"between": ["a", "floor"], "friction": friction}]}
@@ -93,7 +93,7 @@ def test_contact_without_a_law_is_refused_unless_it_is_declared_and_the_message_
 
 @pytest.mark.parametrize("room", [2, 3, 7])
 def test_a_step_may_pass_more_states_than_there_is_room_for(monkeypatch, room):
-    """Long steps, states close together, and many unknowns: the same states, to the bit, whatever the room."""
+    """Long steps, dense states, and many unknowns: the same states, to the bit, with any buffer."""
     scene = {"bodies": {"a": rod("reissner2", 2)}, "loads": GRAVITY, "bc": [{"type": "pin", "at": "a@0"}]}
     trips = []
     for some in (10**6, room):
@@ -114,12 +114,12 @@ def test_stepping_is_compiled_once_for_all_scenes_and_integrators():
 
 @kernel
 def small_enough(p, s, h, tolerance):
-    """Do as ``increment_tolerance``, which kernels alone call."""
+    """Call ``increment_tolerance``, which only kernels can call."""
     return increment_tolerance(p, s, h, tolerance)
 
 
-def test_increments_are_small_beside_what_rates_need_in_steps_far_shorter_than_usual():
-    """Errors of rates are those of positions over h: beside the size of a motion they would be of any size."""
+def test_increments_are_small_relative_to_rates_in_very_short_steps():
+    """Errors of rates are those of positions over h: relative to the size of a motion they could be large."""
     stepper = Ride(HELD, 1.0, dt=0.01).start().stepper
     p, s = stepper.p, stepper.s
     s.numbers[SIZE] = 2.0

@@ -1,4 +1,4 @@
-"""Joints in motion against closed forms: beads on turning and on free bars, a slider-crank of rigid bars."""
+"""Joints in motion compared with closed forms: beads on driven and free bars, a slider-crank of rigid bars."""
 
 import helpers
 import numpy as np
@@ -74,7 +74,7 @@ def test_the_bead_passes_from_element_to_element():
 @pytest.mark.slow_rows("cable")
 @pytest.mark.parametrize("kind", ["rigid", "cable"])
 def test_a_bead_that_flies_off_the_end_ends_the_run(kind, monkeypatch):
-    """Before the first stored state behind the end of the rail, however many steps a call of the kernels makes."""
+    """Before the first stored state beyond the end of the rail, however many steps a call of the kernels makes."""
     end, met = np.arccosh(2.0 / R0) / OMEGA, []
     for chunk in (0.0, 1e9):
         monkeypatch.setattr(stepping, "CHUNK_SECONDS", chunk)
@@ -115,8 +115,8 @@ def test_a_bead_slows_the_bar_that_it_leaves(method):
 
 
 @pytest.mark.parametrize("kind", ["rigid", "cable"])
-def test_sliding_does_no_work_and_no_turning(kind):
-    """Energy and angular momentum stay to round-off, across the borders of a rail that bends and swings."""
+def test_sliding_conserves_energy_and_angular_momentum(kind):
+    """To round-off, across the elements of a rail that bends and swings."""
     rail = RAILS[kind]()
     if kind == "cable":
         rail["material"] = {"E": 2e7, "nu": 0.3, "rho": 500.0}
@@ -154,7 +154,7 @@ def kinetic(t, h=1e-4):
 @pytest.mark.slow_rows("prismatic-radau5")
 @pytest.mark.parametrize(("guide", "method"), [
     ("slider", "radau5"), ("slider", "generalized_alpha"), ("slider", "energy_momentum"), ("prismatic", "radau5")])
-def test_a_slider_crank_of_rigid_bars_moves_as_its_geometry_says(guide, method):
+def test_a_slider_crank_of_rigid_bars_follows_its_kinematics(guide, method):
     bodies = {
         "crank": rigid([0, 0], [CRANK, 0], 1.0, 0.02),
         "rod": rigid([CRANK, 0], [CRANK + ROD, 0], ROD_MASS, ROD_INERTIA),

@@ -59,7 +59,7 @@ def test_bimetal_strips_bend_as_timoshenko_says(kind: str, axis: Any, metals: tu
     assert tip["theta"] == pytest.approx(-L * timoshenko(low / high, E1 / E2, low + high, 1.5e-5), rel=1e-9)
 
 
-def test_layers_whose_expansions_cancel_in_the_mean_bend() -> None:
+def test_layers_with_zero_mean_expansion_bend() -> None:
     tip = probes(strip("reissner3", [layer(1e-3, 1e11, -1e-5), layer(1e-3, 1e11, 1e-5)], HEAT))["tip"]
     assert tip["theta"] == pytest.approx(-L * timoshenko(1.0, 1.0, 2e-3, 2e-5), rel=1e-9)
     with pytest.raises(ancf2d.CaseError, match=r"expected bodies.strip.section.layers.0.material"):
@@ -67,7 +67,7 @@ def test_layers_whose_expansions_cancel_in_the_mean_bend() -> None:
 
 
 @pytest.mark.parametrize(("low", "high", "E1", "E2"), BIMETALS)
-def test_a_bimetal_continuum_bends_so_away_from_its_ends(low: float, high: float, E1: float, E2: float) -> None:
+def test_a_bimetal_continuum_bends_as_a_strip_far_from_its_ends(low: float, high: float, E1: float, E2: float) -> None:
     case = strip([3, 3], [layer(low, E1, 1e-5, nu=0.2), layer(high, E2, 2.5e-5)], HEAT, count=80)
     found = probes(case)
     curvature = (found["b"]["theta"] - found["a"]["theta"]) / (0.2 * L)
@@ -77,9 +77,9 @@ def test_a_bimetal_continuum_bends_so_away_from_its_ends(low: float, high: float
 @pytest.mark.parametrize("formulation", ["enhanced", "strain_split"])
 @pytest.mark.parametrize("axis", ["middle", 0.0])
 @pytest.mark.parametrize(("low", "high", "E1", "E2"), BIMETALS)
-def test_bimetal_strips_bend_so_where_sections_stretch_evenly(formulation: str, axis: Any, low: float, high: float,
-                                                             E1: float, E2: float) -> None:
-    """Whatever nu the layers have, and wherever the axis is."""
+def test_bimetal_strips_with_uniform_transverse_stretch(formulation: str, axis: Any, low: float, high: float,
+                                                        E1: float, E2: float) -> None:
+    """For any nu of the layers and any position of the axis."""
     layers = [layer(low, E1, 1e-5, nu=0.1), layer(high, E2, 2.5e-5)]
     found = probes(strip("vallejo", layers, HEAT, axis, 16, formulation))
     curvature = (found["b"]["theta"] - found["a"]["theta"]) / (0.2 * L)
@@ -87,7 +87,7 @@ def test_bimetal_strips_bend_so_where_sections_stretch_evenly(formulation: str, 
 
 
 @pytest.mark.parametrize(("low", "high", "E1", "E2"), BIMETALS)
-def test_bimetal_strips_bend_so_where_y2_is_tied_to_x2_by_nu(low: float, high: float, E1: float, E2: float) -> None:
+def test_bimetal_strips_with_y2_coupled_to_x2(low: float, high: float, E1: float, E2: float) -> None:
     found = probes(strip("2d3n-nu", [layer(low, E1, 1e-5), layer(high, E2, 2.5e-5)], HEAT, count=16))
     curvature = (found["b"]["theta"] - found["a"]["theta"]) / (0.2 * L)
     assert curvature == pytest.approx(-timoshenko(low / high, E1 / E2, low + high, 1.5e-5), rel=1e-3)
@@ -102,8 +102,8 @@ SANDWICH = [(1e-3, 2e11), (3e-3, 1e9), (0.5e-3, 7e10)]
     ([3, 3], "continuum", 0.02),
     ("2d3n-nu", "continuum", 0.04),
 ])
-def test_a_short_sandwich_shears_as_equilibrium_asks(kind: Any, formulation: str, within: float) -> None:
-    """Of its deflection 30 % are shear; ends of a clamp, and what each type cannot follow of the section, remain."""
+def test_a_short_sandwich_shears_by_equilibrium(kind: Any, formulation: str, within: float) -> None:
+    """Shear is 30 % of its deflection; end effects of a clamp, and each type's section kinematics, remain."""
     EA, ES, EI = moments(SANDWICH, 2.25e-3)
     ends = np.cumsum([0.0, *(h for h, _ in SANDWICH)]) - 2.25e-3
     kGA = laminate(WIDTH, tuple(Layer(a, b, E, 0.3, 0, 0) for (a, b), (_, E)
@@ -135,7 +135,7 @@ def moments(layers: list[tuple[float, float]], axis: float) -> tuple[float, floa
 
 @pytest.mark.parametrize("kind", ["reissner3", "cable", "vallejo"])
 @pytest.mark.parametrize("axis", ["centroid", 0.0, 2.5e-3])
-def test_a_laminated_cantilever_bends_by_what_couples(kind: str, axis: Any) -> None:
+def test_a_laminated_cantilever_bends_by_its_coupling(kind: str, axis: Any) -> None:
     parts = [(1e-3, 2e11), (3e-3, 1e9), (0.5e-3, 7e10)]
     EA, ES, EI = moments(parts, 2e-3)
     bending = EI - ES**2 / EA
@@ -208,7 +208,7 @@ def test_bodies_with_and_without_layers_stand_side_by_side(kind: Any, formulatio
     ("reissner3", {"solver": {"type": "eigen", "modes": 1}}, "centre of mass is"),
     ("vallejo", {"formulation": "continuum", "quadrature": {"normal": [2, 2], "shear": [1, 1]}}, "one quadrature"),
 ])
-def test_what_layers_cannot_be_is_refused(kind: str, changes: dict[str, Any], says: str) -> None:
+def test_impossible_layers_are_refused(kind: str, changes: dict[str, Any], says: str) -> None:
     case = strip(kind, [layer(1e-3, 2e11, rho=7800), layer(2e-3, 1e11)], [], **changes)
     with pytest.raises(ancf2d.CaseError, match=says):
         ancf2d.solve(case, states=False)
@@ -222,8 +222,8 @@ def test_a_body_of_layers_has_no_material_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("kind", ["reissner3", "cable", "vallejo"])
-def test_the_faces_and_layers_are_drawn_where_they_are(kind: str, tmp_path: Path) -> None:
-    """The axis is at the lower face; stresses in ParaView are those of each layer, on both sides of their line."""
+def test_faces_and_layers_are_drawn_in_position(kind: str, tmp_path: Path) -> None:
+    """The axis is at the lower face; stresses in ParaView are those of each layer, on both sides of their interface."""
     case = strip(kind, [layer(1e-3, 1e11, 1e-5), layer(3e-3, 2e11, 2e-5)], HEAT, 0.0)
     case["output"]["fields"] = ["stress"]
     ancf2d.solve(case, output=tmp_path / "a.h5")
@@ -251,8 +251,8 @@ def test_the_faces_and_layers_are_drawn_where_they_are(kind: str, tmp_path: Path
     ("reissner3", None), ("cable", None), ([3, 3], "continuum"),
     pytest.param("vallejo", "enhanced", marks=pytest.mark.slow),
     pytest.param("omar", "structural", marks=pytest.mark.slow)])
-def test_layers_of_a_width_that_varies_are_parts_welded_together(kind: Any, formulation: str | None) -> None:
-    """A jump of the width, and a taper that goes on: strips of two layers under heat and a force, and in two parts."""
+def test_layers_of_varying_width_equal_welded_parts(kind: Any, formulation: str | None) -> None:
+    """A jump of the width, and a continuing taper: strips of two layers under heat and a force, and in two parts."""
     loads = [{"type": "force", "at": "strip@1", "value": [3.0, F]},
              {"type": "temperature", "on": "strip", "value": T, "gradient": 100.0}]
     case = strip(kind, [layer(1e-3, 2e11, 1e-5), layer(2e-3, 7e10, 2e-5)], loads, 0.5e-3, 4, formulation)
@@ -273,8 +273,8 @@ def test_layers_of_a_width_that_varies_are_parts_welded_together(kind: Any, form
         assert whole[key] == pytest.approx(value, rel=1e-9, abs=1e-14), key
 
 
-def test_a_tapered_laminate_bends_and_is_stressed_as_its_integrals_say(tmp_path: Path) -> None:
-    """Width b0 (1 - s/2): the compliance integrates to logarithms; the stress at a place is that of its own width."""
+def test_a_tapered_laminate_has_the_compliance_and_stress_of_its_integrals(tmp_path: Path) -> None:
+    """Width b0 (1 - s/2): the compliance integrates to logarithms; the stress at a section is that of its own width."""
     parts = [(1e-3, 2e11), (3e-3, 1e9), (0.5e-3, 7e10)]
     EA, ES, EI = moments(parts, 2.25e-3)
     case = strip("reissner3", [layer(h, E) for h, E in parts], [{"type": "force", "at": "strip@1", "value": [0, F]}],
@@ -298,7 +298,7 @@ def test_a_tapered_laminate_bends_and_is_stressed_as_its_integrals_say(tmp_path:
 
 
 def opensees() -> Any:
-    """OpenSees; skips the test where it is not installed, or lacks a library of the system."""
+    """OpenSees; skips the test if it is not installed, or lacks a library of the system."""
     try:
         import openseespy.opensees as ops
     except (ImportError, RuntimeError) as error:
@@ -339,7 +339,7 @@ def opensees_tip(parts: list[tuple[float, float]], load: list[float], count: int
     return [ops.nodeDisp(count + 1, k) for k in (1, 2, 3)]
 
 
-def test_undamped_modes_tell_which_layers_relax() -> None:
+def test_undamped_modes_name_the_relaxing_layers() -> None:
     layers = [layer(0.001, 1e9), layer(0.002, 1e8)]
     for one in layers:
         one["material"]["viscoelastic"] = [{"modulus": 1, "time": 0.1}]
@@ -350,7 +350,7 @@ def test_undamped_modes_tell_which_layers_relax() -> None:
 
 
 @pytest.mark.parametrize("large", [False, True])
-def test_a_laminated_cantilever_is_that_of_fibre_sections_in_opensees(large: bool) -> None:
+def test_a_laminated_cantilever_agrees_with_fibre_sections_in_opensees(large: bool) -> None:
     """Steel under a soft core and aluminium, the axis in the middle: under a force, to a third of its length."""
     parts = [(1e-3, 2e11), (2e-3, 1e9), (0.5e-3, 7e10)]
     load = [20.0, 300.0 if large else F]

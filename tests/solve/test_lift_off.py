@@ -1,4 +1,4 @@
-"""Where a body lifts off an obstacle in statics, against shooting solutions."""
+"""Lift-off of a body from an obstacle in statics, compared with shooting solutions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CLAMP = {"name": "wall", "type": "clamp", "at": "beam@0"}
 BLOCK = {"type": "polyline", "points": [[-1, -1], [-1, 0], [2, 0], [2, -1]]}
 
 
-def test_a_heavy_strip_is_lifted_from_the_floor_that_alone_holds_it() -> None:
+def test_a_heavy_strip_is_lifted_from_the_floor_that_supports_it() -> None:
     length, (_, height, theta) = reference.lifted_far(1.0, 9.81, 3.0)
     weight = {"type": "table", "t": [0, 0.2], "value": [0, 1]}
     lift = {"type": "table", "t": [0.2, 1], "value": [0, 1]}
@@ -51,7 +51,7 @@ def test_a_heavy_strip_is_lifted_from_the_floor_that_alone_holds_it() -> None:
 
 
 def lifted(name, count, turned=0.0, order=("beam", "solid"), floor=None):
-    """Return a heavy strip that 3 N lift off a floor, the whole scene turned, and up to where it lies there."""
+    """Return a heavy strip that 3 N lift off a floor, the whole scene rotated, and the end of its contact."""
     c, s = math.cos(turned), math.sin(turned)
     weight = {"type": "table", "t": [0, 0.2], "value": [0, 1]}
     lift = {"type": "table", "t": [0.2, 1], "value": [0, 1]}
@@ -71,7 +71,7 @@ def lifted(name, count, turned=0.0, order=("beam", "solid"), floor=None):
 @pytest.mark.parametrize("floor", [None, BLOCK], ids=["half_plane", "polyline"])
 @pytest.mark.parametrize("name", helpers.chosen(["cable", "reissner3", "vallejo"], ["cable"]))
 def test_the_place_of_lift_off_converges_with_the_elements(name: str, floor: dict[str, Any] | None) -> None:
-    """Of a heavy strip on a floor: order 2 at least in its height and the length that is lifted, beside shooting."""
+    """A heavy strip on a floor: at least order 2 in its height and the lifted length, compared with shooting."""
     length, (_, height, _) = reference.lifted_far(1.0, 9.81, 3.0)
     found = [lifted(name, count, floor=floor) for count in (5, 20)]
     heights = [abs(solution.r("beam@1")[1] / height - 1.0) for solution, _ in found]
@@ -80,9 +80,8 @@ def test_the_place_of_lift_off_converges_with_the_elements(name: str, floor: dic
     assert lengths[1] < lengths[0] / 4**2 < 5e-4
 
 
-def test_what_lifts_off_does_not_depend_on_directions_or_on_what_is_named_first() -> None:
-    """But for round-off, which may choose between places inside the zone that bear alike: within a tenth of the error.
-    """
+def test_lift_off_does_not_depend_on_orientation_or_order() -> None:
+    """Up to round-off, which may choose between places inside the zone: within a tenth of the error."""
     (one, to), (other, place) = lifted("cable", 8), lifted("cable", 8, 0.7, ("solid", "beam"))
     assert place == pytest.approx(to, abs=3e-4)
     turn = np.array([[math.cos(0.7), -math.sin(0.7)], [math.sin(0.7), math.cos(0.7)]])
@@ -91,7 +90,7 @@ def test_what_lifts_off_does_not_depend_on_directions_or_on_what_is_named_first(
 
 @pytest.mark.parametrize("name", helpers.chosen(["cable", "reissner3", "vallejo"], ["cable"]))
 def test_a_beam_that_turns_about_the_corner_of_a_table_within_an_element_converges(name: str) -> None:
-    """A heavy strip is lifted at one end and hangs over the edge with the other: 8 elements are as good as 64 to 0.3 %.
+    """A heavy strip lifted at one end overhangs an edge with the other: 8 elements are as good as 64 to 0.3 %.
 
     With points that stay where they are, 8 elements are 5 % off and 16 elements 2 %.
     """
@@ -111,7 +110,7 @@ def test_a_beam_that_turns_about_the_corner_of_a_table_within_an_element_converg
 
 @pytest.mark.parametrize("name", helpers.chosen(["cable", "reissner3", "vallejo"], ["cable"]))
 def test_modes_about_a_state_let_the_place_of_lift_off_move(name: str) -> None:
-    """A strip of the weight w, hardly bent, of which F lifts the length 2 F/w, vibrates as if clamped there.
+    """A nearly straight strip of weight w, of which F lifts the length 2 F/w, vibrates as if clamped there.
 
     With w(l) = w'(l) = w''(l) = 0 in the equilibrium, the motion of the place changes neither w nor w' to first order:
     omega_1 = 1.8751^2 sqrt(EI/(rhoA l^4)). With the place held it would be 15 and 7 % less.
@@ -135,7 +134,7 @@ def test_modes_about_a_state_let_the_place_of_lift_off_move(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", helpers.chosen(["cable", "reissner3", "vallejo"], ["cable"]))
-def test_a_path_finds_the_most_that_a_beam_on_round_supports_bears(name: str) -> None:
+def test_a_path_finds_the_largest_load_of_a_beam_on_round_supports(name: str) -> None:
     """The beam slides through between its supports where the force is largest; by elastica.
 
     With points that stay where they are, the path ends at 0.84 of this load, where a node passes the support.
@@ -160,7 +159,7 @@ def test_a_path_finds_the_most_that_a_beam_on_round_supports_bears(name: str) ->
 
 
 def strip_around_a_drum(name, count, force, solver):
-    """Return a solved strip that a force at its end pulls around a drum on which it is clamped."""
+    """Return a solved strip that a force at its end pulls around the drum to which it is clamped."""
     spec = helpers.body(helpers.line(1.0), helpers.element(name, count), {**STIFF, "kGA": 4e5})
     return helpers.Solution(helpers.build(
         {"beam": spec}, {"type": "static", **solver}, bc=[CLAMP],
@@ -172,7 +171,7 @@ def strip_around_a_drum(name, count, force, solver):
 @pytest.mark.slow_rows("cable-96", "vallejo-96", "reissner3-20")
 @pytest.mark.parametrize(("name", "count"), [("cable", 10), ("cable", 96), ("reissner3", 20), ("vallejo", 96)])
 def test_a_path_has_the_place_of_lift_off_to_the_order_of_the_element(name: str, count: int) -> None:
-    """As load steps have: of a strip around a drum, whose tip is off by 7e-4 with points that stay where they are.
+    """Like load steps: for a strip around a drum, whose tip has an error of 7e-4 with fixed contact points.
 
     Places that pass from one element to the next and back, as curves of elements have kinks, come to rest there.
     """
@@ -182,14 +181,14 @@ def test_a_path_has_the_place_of_lift_off_to_the_order_of_the_element(name: str,
 
 
 def test_a_curve_between_nodes_that_has_left_the_contact_zone_stays_out_of_it() -> None:
-    """Points of two elements that let each other open and close have two curves to choose from, and went to and fro."""
+    """Points of two elements that open and close each other alternate between two curves."""
     solution = strip_around_a_drum("vallejo", 20, 20.0, {"steps": 10})
     assert solution.state.history["step"] == 10
 
 
 @pytest.mark.parametrize("still", [True, False])
 @pytest.mark.parametrize("kind", ["cable", "reissner3", "vallejo"])
-def test_points_that_may_move_are_in_the_middle_between_those_that_may_not(kind: str, still: bool) -> None:
+def test_moving_points_start_in_the_middle_between_fixed_ones(kind: str, still: bool) -> None:
     mesh = helpers.build({"beam": helpers.body(helpers.line(1.0), helpers.element(kind, 3))}, "static",
                          bc=[CLAMP]).meshes["beam"]
     free, home = ([mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * mesh.lengths[p.ie]

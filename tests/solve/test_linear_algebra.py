@@ -1,4 +1,4 @@
-"""All kinds of matrices against dense algebra on real scenes; inertia; what is singular is named."""
+"""All kinds of matrices compared with dense algebra on real scenes; inertia; singular coordinates are named."""
 
 import helpers
 import numpy as np
@@ -79,7 +79,7 @@ KINDS = {
 
 
 def built(kind: str | None, **scene):
-    """Return a model with fronts, whatever they cost, where the kind is that, and without where it is another."""
+    """Return a model that uses fronts whatever they cost if the kind is that, and no fronts otherwise."""
     with pytest.MonkeyPatch.context() as patch:
         if kind is not None:
             patch.setattr(numbering, "LOOSE", 0.0)
@@ -162,7 +162,7 @@ def test_products_and_diagonals_are_those_of_the_matrix(scene, kind):
 
 
 def test_exchanging_rows_fills_factors_little():
-    """Of a ring of steel the factors have O(n) entries; an order for K + K^T gives O(n^2) where rows are exchanged."""
+    """The factors of a steel ring have O(n) entries; an ordering for K + K^T gives O(n^2) if rows are exchanged."""
     corners = [[np.cos(a), np.sin(a)] for a in 2 * np.pi * np.arange(9) / 8]
     bodies = {
         f"b{k}": helpers.body(
@@ -211,7 +211,7 @@ def test_forces_with_and_without_tangent_are_the_same(scene):
 
 
 @helpers.every_small_type
-def test_the_bound_of_round_off_covers_the_forces_of_a_turned_body_and_not_much_more(name):
+def test_the_round_off_bound_of_a_rotated_body_is_tight(name):
     beam = {
         "b": helpers.body(
             helpers.line(2.0, 0.4), helpers.element(name, 8), {"height": 0.1, "width": 0.1}, helpers.STEEL
@@ -228,7 +228,7 @@ def test_the_bound_of_round_off_covers_the_forces_of_a_turned_body_and_not_much_
     assert np.max(noise / weights) < 1e3 * max(np.max(np.abs(R) / weights), 1.0)
 
 
-def test_a_general_order_is_replaced_where_another_makes_the_band_narrower():
+def test_an_ordering_with_a_narrower_band_replaces_the_general_one():
     n = 60
     shuffled = np.random.default_rng(1).permutation(n)
     sets = [np.stack([shuffled[:-1], shuffled[1:]], axis=1)]
@@ -266,8 +266,8 @@ def test_the_matrix_suits_the_scene():
     assert not isinstance(make_matrix(built("fronts", **scene, loads=follower)), SymmetricFronts)
 
 
-def test_small_frames_and_chains_keep_their_band_and_motions_where_it_costs_little_more(monkeypatch):
-    """Kernels for fronts are compiled anew: in motion, where they are many, a band may cost three times as much."""
+def test_small_frames_and_chains_keep_their_band(monkeypatch):
+    """Kernels for fronts need compilation: in motion, with many kernels, a band may cost three times as much."""
     def fronts(moves: bool = False, **more) -> bool:
         solver = {"solver": {"type": "dynamic", "t_end": 1.0, "dt": 0.1}} if moves else {}
         return helpers.build(**(star() | solver | more)).numbering.fronts is not None
@@ -291,8 +291,8 @@ def test_long_chains_have_the_band_of_one_element():
 
 
 @pytest.mark.parametrize("solver", ["linear_static", "static"])
-def test_a_singular_tangent_names_the_coordinate_that_is_free(solver):
-    """With one Gauss point a kerkkanen element in continuum form cannot see its bending."""
+def test_a_singular_tangent_names_the_free_coordinate(solver):
+    """With one Gauss point a kerkkanen element in continuum form has no bending stiffness."""
     spec = helpers.element("kerkkanen", 1, "continuum", quadrature=[1, 1])
     beam = {"b": helpers.body(helpers.line(1.0), spec)}
     with pytest.raises(ComputationError, match=r"singular: r?[xy]?(y_x|y_y|x|y) of b at S = 1") as error:
@@ -322,8 +322,8 @@ def test_factors_have_the_phase_of_the_determinant(seed, wide):
         assert Factors(csc_array((np.where(j == 3, 0.0, values), (i, j)), shape=(n, n))).singular
 
 
-def test_many_equations_share_reactions_as_few_do():
-    """The least squares of least size, where a row is said twice, is that of dense algebra."""
+def test_reactions_of_many_equations_agree_with_dense_algebra():
+    """With redundant rows, the minimum-norm least squares solution."""
     rng, rows = np.random.default_rng(0), 12
     owner, index = np.repeat(np.arange(rows), 3), rng.integers(0, 20, 3 * rows)
     index[-3:], data = index[-6:-3], rng.standard_normal(3 * rows)

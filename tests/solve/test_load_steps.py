@@ -1,4 +1,4 @@
-"""Load steps: where they go, what they begin from, and which branch they stay on."""
+"""Load steps: their ends, their start, and their branch."""
 
 import helpers
 import numpy as np
@@ -30,8 +30,8 @@ def test_steps_to_a_negative_load_factor_mirror_those_to_the_positive_one():
     np.testing.assert_allclose(up.u("rope@1"), down.u("rope@1") * [1, -1], rtol=1e-9)
 
 
-def test_load_factor_0_is_one_state_the_equilibrium_of_what_acts_there_already():
-    """A spring that wants to turn a cantilever's end by 3 rad bends it to a circle: theta = -3 k/(k + EI/L)."""
+def test_load_factor_0_is_the_equilibrium_of_constant_loads():
+    """A spring prestressed by 3 rad bends a cantilever's end to a circle: theta = -3 k/(k + EI/L)."""
     L, side, k = 1.0, 0.02, 1e6
     solver = {"type": "static", "until": {"load_factor": 0}}
     spring = {"type": "rotational", "between": ["rope@1", [0, 0]], "stiffness": k, "angle": 3.0}
@@ -45,8 +45,8 @@ def test_load_factor_0_is_one_state_the_equilibrium_of_what_acts_there_already()
     assert not none.d.any()
 
 
-def test_an_elastic_body_that_is_let_go_returns_to_its_reference():
-    """Increments fall faster than displacements, which end at 0: nothing is left to compare them with."""
+def test_an_elastic_body_returns_to_its_reference():
+    """Increments fall faster than displacements, which end at 0: there is no size left to compare them with."""
     load = {"type": "force", "at": "rope@1", "value": [0, -470],
             "amplitude": {"type": "table", "t": [0, 0.5, 1], "value": [0, 1, 0]}}
     out = helpers.solved(rope("cable", 64, 1.0, 0.02), {"type": "static", "steps": 2}, bc=CLAMP, loads=[load])
@@ -56,15 +56,15 @@ def test_an_elastic_body_that_is_let_go_returns_to_its_reference():
 
 @pytest.mark.parametrize("name", ["reissner3", "vallejo", "cable"])
 @pytest.mark.parametrize("angle", [1.5, -3.0])
-def test_springs_that_pull_in_the_reference_are_tightened_step_by_step(name, angle):
-    """A beam on a pin turns until its spring is slack, however stiff that is; nothing else holds it."""
+def test_prestressed_springs_are_tightened_step_by_step(name, angle):
+    """A beam on a pin turns until its spring is slack, however stiff that is; nothing else supports it."""
     spring = {"type": "rotational", "between": ["rope@0", [0, 0]], "stiffness": 1e6, "angle": angle}
     out = helpers.solved(rope(name, 4, 1.0, 0.02), bc=[{"type": "pin", "at": "rope@0"}], springs=[spring])
     assert out.theta("rope@1") == pytest.approx(-angle, rel=1e-9)
 
 
 def test_a_spring_is_tightened_from_its_length_in_the_reference():
-    """Its energy grows with the square of the share of the way, from none to that of its own length."""
+    """Its energy grows with the square of the load share, from zero to that of its natural length."""
     spring = {"type": "translational", "between": ["rope@1", [1.0, -2.0]], "stiffness": 3.0, "length": 0.5}
     model = helpers.build(rope("cable", 2, 1.0, 0.02), bc=CLAMP, springs=[spring])
     zero = np.zeros(len(model.numbering.place))
@@ -74,8 +74,8 @@ def test_a_spring_is_tightened_from_its_length_in_the_reference():
         assert model.interactions.energies(zero, 1.0)[0] == expected
 
 
-def test_a_load_that_hardly_grows_at_first_leads_to_the_state_of_the_whole_load():
-    """The state under a dead load does not depend on how it was raised, where there is one branch."""
+def test_a_slowly_growing_load_ends_at_the_state_of_the_full_load():
+    """On a single branch, the state under a dead load does not depend on its history."""
     def tip(**amplitude):
         load = {"type": "force", "at": "rope@1", "value": [0.0, -500e3], **amplitude}
         return helpers.solved(rope("reissner3", 4, 2.0, 0.1), bc=CLAMP, loads=[load]).u("rope@1")
@@ -104,8 +104,8 @@ def test_a_soft_straight_rope_sags_into_the_elastic_catenary():
 
 
 @pytest.mark.parametrize("name", ["reissner3", "cable"])
-def test_a_rope_whose_end_is_moved_in_hangs_down_and_does_not_stay_straight(name):
-    """Gravity is a small imperfection of a beam that buckles at 1e-4 of the way: the stable branch bends down."""
+def test_a_rope_whose_end_moves_in_hangs_down(name):
+    """Gravity is a small imperfection of a beam that buckles at 1e-4 of the path: the stable branch bends down."""
     out = helpers.solved(
         rope(name, 16, 10.0, 0.01),
         bc=[{"type": "pin", "at": "rope@0"}, {"type": "prescribed", "at": "rope@1", "x": 7.0, "y": 0.0}],
@@ -117,7 +117,7 @@ def test_a_rope_whose_end_is_moved_in_hangs_down_and_does_not_stay_straight(name
     assert -out.u("rope@0.5")[1] == pytest.approx(a * (np.cosh(3.5 / a) - 1), rel=0.05)
 
 
-def test_a_perfect_column_that_is_shortened_is_called_unstable_once_from_its_buckling_load_on():
+def test_a_shortened_perfect_column_is_called_unstable_once_beyond_buckling():
     """Pinned at both ends it buckles at the strain pi^2 I/(A L^2), to 1e-4 as that changes the length itself."""
     side, L, shorter = 0.02, 2.0, 0.2
     out = helpers.solved(
@@ -133,8 +133,8 @@ def test_a_perfect_column_that_is_shortened_is_called_unstable_once_from_its_buc
     assert first.warnings == told
 
 
-def test_steps_end_at_the_factors_that_are_asked_for_however_they_are_cut():
-    """States there are the equilibria that solutions end at; factor 0 is what acts before any load."""
+def test_steps_end_at_the_requested_factors():
+    """States there are the equilibria of solutions that end there; factor 0 has only the constant loads."""
     spring = {"type": "translational", "between": ["rope@1", [1.0, -2.0]], "stiffness": 3.0, "length": 0.5}
     scene = {"bc": CLAMP, "springs": [spring], "loads": [{"type": "force", "at": "rope@1", "value": [0.0, -4e3]}]}
     factors = [0.0, 0.1234, 0.5, 0.777]

@@ -1,4 +1,4 @@
-"""Statics of long meshes: how many numbers per coordinate are held at once, at most."""
+"""Statics of long meshes: an upper bound on the stored numbers per coordinate."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def test_kinds_and_shares_do_not_depend_on_the_direction(name):
 
 @pytest.mark.parametrize("name", ["omar", "kerkkanen", "vallejo", "li", "reissner2", "reissner3"])
 def test_lowest_modes_have_the_kinds_of_timoshenkos_beam(name):
-    """Of L/h = 5, the order is b a b b a b (b) ... with the first shear mode at 1766.99."""
+    """For L/h = 5, the order is b a b b a b (b) ... with the first shear mode at 1766.99."""
     kinds = [(f["kind"], f["number"]) for f in found(name, 16, modes=12)]
     assert kinds[:5] == [("bending", 1), ("axial", 1), ("bending", 2), ("bending", 3), ("axial", 2)]
     assert ("shear", 1) in kinds
@@ -100,7 +100,7 @@ def test_waves_beyond_the_mesh_are_spurious():
     assert [f["kind"] for f in axial] == ["axial"] * 5 + ["spurious"] * 3
 
 
-def test_the_spurious_branch_is_told_by_its_gaps_and_falls_with_the_mesh():
+def test_the_spurious_branch_is_recognised_by_its_gaps_and_falls_with_the_mesh():
     lowest = {}
     for n in (16, 32):
         entries = found("2d2n", n, modes=12 if n == 32 else 20, preset="paper", quadrature="exact")
@@ -170,7 +170,7 @@ def test_refined_halves_every_element():
 
 @pytest.mark.parametrize("table", ["reissner3", "rigid"])
 def test_the_sway_of_a_stage_on_leaf_springs_is_its_first_bending_mode(table: str) -> None:
-    """Stiffness method: omega^2 = 2 (12 EI/L^3)/m; the table moves along its axis, but what strains is bent blades."""
+    """Stiffness method: omega^2 = 2 (12 EI/L^3)/m; the table moves along its axis, but only the blades are strained."""
     L, E, b, t = 0.1, 2e11, 0.02, 0.0005
     blade = {"section": {"height": t, "width": b}, "material": {"E": E, "nu": 0.3, "rho": 1.0},
              "element": {"type": "cable", "count": 8}}
@@ -195,7 +195,7 @@ def test_the_sway_of_a_stage_on_leaf_springs_is_its_first_bending_mode(table: st
 
 
 @pytest.mark.parametrize("name", ["reissner3", "vallejo", "cable"])
-def test_shares_are_along_and_across_the_state_that_vibrates(name):
+def test_shares_are_along_and_across_the_vibrating_state(name):
     """A cantilever whose clamp has turned by a right angle moves as before, along other axes."""
     body = h.body(h.line(2.0), h.element(name, 6), THICK, SOFT)
 
@@ -208,7 +208,7 @@ def test_shares_are_along_and_across_the_state_that_vibrates(name):
 
 
 def test_a_rope_under_tension_vibrates_in_bending() -> None:
-    """A load hangs by a rope on an inclined arm with a stay. As a string, the rope has omega = n pi/L sqrt(N/rhoA).
+    """A load hangs from a rope on an inclined arm with a stay. As a string, the rope has omega = n pi/L sqrt(N/rhoA).
 
     The vertical motion of the load stretches the rope a little in all modes, which would outweigh its bending.
     """

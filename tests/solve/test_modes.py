@@ -1,4 +1,4 @@
-"""Modes: mass and products, completeness, rigid and hidden motions, constraints, prestress, digits on fine meshes."""
+"""Modes: mass and products, completeness, rigid and hidden modes, constraints, prestress, fine meshes."""
 
 import math
 from typing import Any
@@ -33,7 +33,7 @@ def pencil_of(model: Any) -> Pencil:
 
 
 def star(count: int) -> dict[str, Any]:
-    """Return many bars that end at one point: no chain, so that the tangent is stored as fronts."""
+    """Return many bars that end at one point: a branched frame, so that the tangent is stored as fronts."""
     spec = h.element("reissner2", 6)
     bodies = {f"m{k}": h.body(h.line(1.0 + 0.01 * k, 0.7 * k), spec, h.SECTION) for k in range(count)}
     joint = {"type": "weld", "between": [f"m{k}@0" for k in range(count)]}
@@ -78,7 +78,7 @@ def test_stiffness_by_strains_is_the_tangent_at_any_state(name, formulation):
     np.testing.assert_allclose(pencil.stiffness(x), pencil.apply_K(x), rtol=1e-9, atol=1e-11 * size)
 
 
-def test_lanczos_finds_what_a_dense_solver_finds(monkeypatch):
+def test_lanczos_agrees_with_a_dense_solver(monkeypatch):
     model = h.build({"b": beam(h.element("reissner3", 20))}, "eigen", bc=PINNED)
     monkeypatch.setattr(lowest_module, "DENSE", 0)
     pencil = pencil_of(model)
@@ -115,7 +115,7 @@ def test_modes_that_lanczos_misses_are_counted_and_found(monkeypatch):
     assert modes.values[2] == pytest.approx(missed[0], rel=1e-9)
 
 
-def test_a_frame_that_is_no_chain_has_the_modes_of_its_dense_matrices():
+def test_a_branched_frame_has_the_modes_of_its_dense_matrices():
     scene = star(30)
     model = h.build(scene["bodies"], "eigen", joints=scene["joints"], bc=scene["bc"])
     pencil = pencil_of(model)
@@ -160,7 +160,7 @@ def test_hidden_zero_energy_modes_are_spurious_with_frequency_zero():
 
 
 @pytest.mark.parametrize("count", [6, 80], ids=["dense", "lanczos"])
-def test_a_rotation_held_by_a_multiplier_is_as_good_as_one_held_by_a_row(count):
+def test_a_rotation_fixed_by_a_multiplier_agrees_with_one_fixed_by_a_row(count):
     bodies = {"b": beam(h.element("vallejo", count), 0.3)}
     held = frequencies(bodies, bc=[{"type": "clamp", "at": "b@0", "hold": "section"}])
     multiplied = frequencies(bodies, bc=[{"type": "pin", "at": "b@0"}, {"type": "prescribed", "at": "b@0", "angle": 0}])
@@ -203,7 +203,7 @@ def test_an_axial_force_shifts_the_frequencies(force):
     assert [f["omega"] for f in found] == pytest.approx(list(known), rel=2e-4)
 
 
-def test_loads_do_not_act_about_the_reference():
+def test_loads_have_no_effect_about_the_reference():
     bodies = {"b": beam(h.element("vallejo", 4))}
     loads = [{"type": "follower_force", "at": "b@1", "value": [-1e6, 2e5]},
              {"type": "moment", "at": "b@0", "value": 1e6}]
@@ -211,7 +211,7 @@ def test_loads_do_not_act_about_the_reference():
     assert [f["omega"] for f in with_loads] == [f["omega"] for f in without]
 
 
-def test_springs_that_pull_in_the_reference_are_reported():
+def test_prestressed_springs_are_reported():
     springs = [{"type": "translational", "between": ["b@0.5", [1.0, 1.0]], "stiffness": 10.0, "length": 0.5}]
     solution = h.solved({"b": beam(h.element("vallejo", 4))}, "eigen", bc=PINNED, springs=springs)
     assert any("not an equilibrium" in w for w in solution.state.warnings)
@@ -236,14 +236,14 @@ def test_fine_meshes_keep_their_digits(count):
     np.testing.assert_allclose(found, known, rtol=1e-7)
 
 
-def test_fewer_modes_than_wanted_are_said():
+def test_fewer_modes_than_requested_give_a_warning():
     solution = h.solved({"b": beam(h.element("reissner2", 1))}, {"type": "eigen", "modes": 40}, bc=PINNED)
     assert len(solution.state.report["frequencies"]) == 3
     assert solution.state.warnings == ["the model has 3 modes, not 40"]
 
 
-def test_what_modes_leave_out_is_told():
-    """Dashpots, material damping, and loads about the reference change nothing in these modes: a warning names each."""
+def test_effects_that_modes_neglect_give_warnings():
+    """Dashpots, material damping, and loads about the reference have no effect on these modes: a warning names each."""
     body = h.body(h.line(1.0), h.element("vallejo", 2))
     damped = {**body, "material": {**body["material"], "damping": {"kelvin_voigt": 1e-3}}}
     spring = {"type": "translational", "between": ["b@1", [2, 0]], "stiffness": 1, "damping": 0.1}
@@ -257,7 +257,7 @@ def test_what_modes_leave_out_is_told():
 
 
 @pytest.mark.parametrize("name", ["cable", "vallejo"])
-def test_inertia_of_a_point_mass_does_not_hold_what_stretches(name: str) -> None:
+def test_inertia_of_a_point_mass_on_a_light_cantilever(name: str) -> None:
     """Light cantilever with mass m and inertia J at its tip: K^-1 = [[L^3/3, L^2/2], [L^2/2, L]]/EI, M = diag(m, J)."""
     L, height, E, m, J, rho = 1.0, 0.02, 1e9, 1.0, 50.0, 1e-3
     EI = E * height**4 / 12
@@ -273,8 +273,8 @@ def test_inertia_of_a_point_mass_does_not_hold_what_stretches(name: str) -> None
 
 
 @pytest.mark.parametrize("links", [2, 4])
-def test_all_modes_of_a_chain_are_those_of_what_its_constraints_leave_free(links: int) -> None:
-    """Rigid links and a strip that hang in a row: one frequency for each coordinate left free, all of them stable."""
+def test_a_chain_has_one_mode_for_each_free_coordinate(links: int) -> None:
+    """A hanging row of rigid links and a strip: one stable mode per coordinate that constraints leave free."""
     def body(k: int, **element: Any) -> dict[str, Any]:
         return {"geometry": h.line(1.0, -math.pi / 2, (0.0, -float(k))), "element": element,
                 "section": {"EA": 1e4, "EI": 1, "rhoA": 1}}

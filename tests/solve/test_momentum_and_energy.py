@@ -1,4 +1,4 @@
-"""Kinetic energy, momentum and potential of rigidly moving bodies against those of a rigid body."""
+"""Kinetic energy, momentum and potential of rigidly moving bodies compared with those of a rigid body."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_energy_and_momentum_of_a_rigid_motion(name, masses):
 
 @pytest.mark.parametrize("name", ["2d2n", "cable", "reissner3"])
 def test_momentum_follows_the_body_as_it_turns(name):
-    """The same motion of a body that has been turned and carried away has the momentum of where it is."""
+    """The same motion of a body that is rotated and shifted has the momentum of its new position."""
     model = h.build({"b": h.body(h.LINE, h.element(name, 3))}, DYNAMIC, initial={"velocity": V})
     _, v, _ = initial_motion(model)
     d = h.rotate(np.zeros(model.n_q), model, 2.0, (5.0, -3.0))
@@ -59,7 +59,7 @@ def test_momentum_follows_the_body_as_it_turns(name):
 
 @pytest.mark.parametrize("name", ["2d2n", "vallejo", "cable", "reissner3"])
 def test_inertia_of_a_steady_rotation_is_the_centrifugal_force(name):
-    """M a of what turns steadily is what the turning frame sees, point masses with inertia included."""
+    """M a of a steady rotation is the centrifugal force of the turning frame, including point masses with inertia."""
     bodies = {"b": h.body(h.LINE, h.element(name, 3))}
     masses = [{"at": "b@0.3", "mass": 2.0, "inertia": 0.5}]
     frame = h.build(bodies, "static", bc=[{"type": "clamp", "at": "b@0"}], masses=masses,
@@ -86,7 +86,7 @@ def _velocity(model, e):
 GRAVITY = [{"type": "gravity", "value": [0, -10]}]
 
 
-def test_potential_is_weight_times_height_from_the_reference():
+def test_potential_is_weight_times_height_above_the_reference():
     model = h.build({"b": h.body(h.LINE, h.element("2d2n", 3))}, DYNAMIC, loads=GRAVITY,
                     masses=[{"at": "b@0.3", "mass": 2.0}])
     m, _, _ = rigid_body("2d2n", ((0.3, 2.0, 0.0),))

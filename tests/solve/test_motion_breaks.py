@@ -1,4 +1,4 @@
-"""Motion over breaks of amplitudes: jumps of loads, of prescribed rates and their work, states stored there."""
+"""Motion across breaks of amplitudes: jumps of loads, of prescribed rates and their work, states stored there."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BREAK = 0.0523
 
 
 def told(value):
-    """Return an amplitude: a formula, or what it is given as."""
+    """Return an amplitude: a formula, or the given value."""
     return value if isinstance(value, dict) else {"type": "expression", "value": value}
 
 
@@ -31,7 +31,7 @@ def moved(scene, t_end, output=None, **solver):
 
 
 def seen(model, state, at):
-    """Return place and velocity (2,) of BODY@S."""
+    """Return position and velocity (2,) of BODY@S."""
     name, s = at.split("@")
     columns = h.point_ref(model.meshes[name], float(s)).position()
     e = model.e0 + state.d[:model.n_q]
@@ -45,7 +45,7 @@ PUSHES = {"<": f"1 if t < {BREAK} else 0", "<=": f"1 if t <= {BREAK} else 0", ">
 
 @pytest.mark.parametrize("method", h.chosen([*OWN, *SCIPY_METHODS], [*OWN, "DOP853"]))
 def test_a_force_that_ends_inside_a_step_gives_its_impulse(method):
-    """Whatever bends meanwhile, a free body has the momentum that it was given."""
+    """However it bends meanwhile, a free body has the momentum of the impulse."""
     # a step over the break would be off by its error; the impulse of steps that end there is exact, whatever that is
     step = {"dt": 1e-3, "estimate": False} if method in OWN else {"tolerance": 1e-3}
     for name, push in PUSHES.items() if method == "radau5" else [("<", PUSHES["<"])]:
@@ -83,7 +83,7 @@ RATES = {
 
 
 def swung(t_end):
-    """Return place and velocity of the end of a bar whose other end starts to move along x, and stops.
+    """Return position and velocity of the end of a bar whose other end starts to move along x, and stops.
 
     Between the jumps it turns steadily about the end that is moved; a jump of its speed by V turns it by the impulse
     there, MASS LENGTH/2 sin(angle) V about it.
@@ -100,8 +100,8 @@ def swung(t_end):
 @pytest.mark.parametrize(("method", "spelled"), [
     *(("radau5", name) for name in RATES), *((m, "<=") for m in CONSTRAINED if m != "radau5"), ("RK45", "<"),
     ("DOP853", "ramp"), ("LSODA", "<")])
-def test_bodies_take_up_a_jump_of_a_prescribed_rate(method, spelled):
-    """Velocities jump by the impulse of what drives, whose work is in the balance of energy."""
+def test_bodies_follow_a_jump_of_a_prescribed_rate(method, spelled):
+    """Velocities jump by the impulse of the drive, whose work is in the energy balance."""
     scene = {"bodies": {"b": rigid([0, 0], LENGTH * np.array([np.cos(ANGLE), np.sin(ANGLE)]), MASS, INERTIA)},
              "bc": [{"name": "hand", "type": "prescribed", "at": "b@0", "ux": told(RATES[spelled]), "uy": 0}]}
     step = {"dt": 2e-3} if method in OWN else {"tolerance": 1e-9}
@@ -157,8 +157,8 @@ def references():
                        "moment-energy_momentum-(160, 320)-2")
 @h.covering(what=BROKEN, scheme=[("generalized_alpha", (160, 320), 2), ("radau5", (10, 40), 3),
                                  ("energy_momentum", (160, 320), 2)])
-def test_ten_breaks_leave_the_order_what_it_is(references, what, scheme):
-    """Steps that breaks cut: no order is lost to what is on their other side. Radau's is soon at round-off."""
+def test_ten_breaks_do_not_reduce_the_order(references, what, scheme):
+    """Steps are cut at breaks, so no order is lost there. Radau's soon reaches round-off."""
     scene = {"bodies": BARS, "joints": KNEE, "bc": PINNED, **BROKEN[what]}
     method, steps, order = scheme
 
@@ -188,7 +188,7 @@ DAMPED = {"damping": {"rayleigh": {"alpha": 3.0, "beta": 0.0}},
 @pytest.mark.parametrize("more", [{}, DAMPED], ids=["driven", "and damped and loaded"])
 @pytest.mark.parametrize("held", [MOVED, FED], ids=["moved", "turned"])
 def test_energy_momentum_accounts_for_all_work_to_round_off(held, more):
-    """Drives, with rates that jump, damping and loads that vary: by the forces of the steps themselves."""
+    """Drives with jumping rates, damping and varying loads: by the forces of the steps themselves."""
     run, _ = moved({"bodies": BARS, "joints": KNEE, "bc": held, **more}, 0.2, method="energy_momentum", dt=2.5e-3,
                    estimate=False)
     assert len(run.stepper.pieces) >= 4
@@ -196,7 +196,7 @@ def test_energy_momentum_accounts_for_all_work_to_round_off(held, more):
     assert run.balance.drift < 1e-11
 
 
-def test_mass_damping_acts_on_what_is_moved_too():
+def test_mass_damping_acts_on_prescribed_motion_too():
     scene = {"bodies": BARS, "joints": KNEE, "bc": MOVED, "damping": {"rayleigh": {"alpha": 30.0, "beta": 0.0}}}
     drifts = [moved(scene, 0.05, method="radau5", dt=dt, estimate=False)[0].balance.drift for dt in (2e-3, 5e-4)]
     assert drifts[0] < 1e-3
@@ -204,7 +204,7 @@ def test_mass_damping_acts_on_what_is_moved_too():
 
 
 @pytest.mark.parametrize("output", [{}, {"every": 7}, {"interval": 0.0137}])
-def test_the_drift_is_that_of_steps_whatever_is_stored(output):
+def test_the_drift_is_that_of_all_steps_for_any_stored_states(output):
     scene = {"bodies": {"a": rod("2d2n", 2)}, "bc": [{"type": "pin", "at": "a@0"}],
              "loads": [{"type": "gravity", "value": [0, -9.81]}]}
     run, states = moved(scene, 0.4, output, method="energy_momentum", dt=2e-3, estimate=False)
@@ -220,8 +220,8 @@ def test_stored_states_of_fixed_steps_are_ends_of_steps():
         np.testing.assert_array_equal(times, np.round(times / dt) * dt)
 
 
-def test_the_error_is_estimated_where_breaks_cut_steps():
-    """States at every so many steps are those of the same times in coarser runs, behind a break too."""
+def test_the_error_is_estimated_with_steps_cut_at_breaks():
+    """States after every so many steps have the same times as in coarser runs, also after a break."""
     scene = {"bodies": {"b": rigid([0, 0], [1, 0], MASS, INERTIA)}, "bc": [{"type": "pin", "at": "b@0"}],
              "loads": [{"type": "force", "at": "b@1", "value": [0, 3], "amplitude": told(f"1 if t > {BREAK} else 0")}]}
     _, states = moved(scene, 0.4, {"every": 4}, method="generalized_alpha", dt=2e-3)
@@ -229,7 +229,7 @@ def test_the_error_is_estimated_where_breaks_cut_steps():
 
 
 def test_the_log_of_steps_is_not_copied_at_every_break(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Between stored states the log grows by doubling, so that n breaks cost no n^2."""
+    """Between stored states the log grows by doubling, so n breaks do not cost n^2."""
     logs, rooms, collect = [], {}, stepping.Stepper._collect
 
     def collected(self, *given):

@@ -28,7 +28,7 @@ def bent(name, start, end):
 
 
 def chain(*kinds):
-    """Return a zigzag of bodies of different kinds, welded, turned at its start."""
+    """Return a zigzag of bodies of different kinds, welded, with a prescribed rotation at its start."""
     at, bodies, joints = [0.0, 0.0], {}, []
     for k, kind in enumerate(kinds):
         end = [at[0] + 0.3, at[1] + 0.2 * (-1) ** k]
@@ -113,7 +113,7 @@ def test_a_slider_stays_on_its_line_and_a_sleeve_on_its_bar(method):
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["generalized_alpha", "radau5", "energy_momentum"])
 def test_stored_states_have_the_same_bits_however_steps_are_grouped(method):
-    """A step, or all of them, in a call of the kernels, whose number the clock decides."""
+    """One step, or all of them, in a call of the kernels: the clock decides how many."""
     one, all_ = (ride(SLEEVE, 0.3, method=method, states=37, chunk=chunk, **METHODS[method]) for chunk in (1, 1000))
     for a, b in zip(one.rows, all_.rows, strict=True):
         for x, y in zip(one.stepper.full(a), all_.stepper.full(b), strict=True):

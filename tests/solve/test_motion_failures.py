@@ -1,4 +1,4 @@
-"""Motions that cannot go on: what was reached stays, and a joint that holds by its letter only is told."""
+"""Motions that cannot continue: states are kept, and violated assumptions are reported."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SWING = {"type": "expression", "value": "0.8*(1-cos(6*t))"}
 
 
 def followed(bodies, t_end: float, method: str, **scene) -> tuple[list[State], ComputationError | None]:
-    """Return the states of a motion, twenty if all goes well, and what ended it."""
+    """Return the states of a motion, twenty if it succeeds, and the error that ended it."""
     how = {"dt": 5e-4, "estimate": False} if method in ("generalized_alpha", "energy_momentum") else {"tolerance": 1e-6}
     model = h.build(bodies, {"type": "dynamic", "t_end": t_end, "method": method, **how},
                     output={"interval": t_end / 20}, **scene)
@@ -40,8 +40,8 @@ def followed(bodies, t_end: float, method: str, **scene) -> tuple[list[State], C
 
 
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "energy_momentum"])
-def test_a_section_that_turns_inside_out_where_it_is_held_ends_the_motion(method: str) -> None:
-    """A rod too soft to follow its driven end: r_y there shrinks to nothing and comes out on the other side."""
+def test_a_section_that_inverts_at_its_support_ends_the_motion(method: str) -> None:
+    """A rod too soft to follow its driven end: r_y there shrinks to zero and changes sign."""
     scene = {"bc": [{"type": "pin", "at": "a@0"}, {"type": "prescribed", "at": "a@0", "angle": SWING}],
              "loads": GRAVITY}
     states, error = followed({"a": rod("vallejo", 2)}, 0.4, method, **scene)
@@ -63,7 +63,7 @@ def test_states_before_a_failure_are_not_lost(method: str) -> None:
     np.testing.assert_allclose([s.t for s in states[:10]], 0.01 * np.arange(10), atol=1e-12)
 
 
-def test_where_a_motion_has_gone_so_far_that_strains_are_lost_it_is_said_to_grow() -> None:
+def test_a_motion_so_large_that_strains_are_lost_is_reported_to_grow() -> None:
     """Positions have 16 digits, so beyond 1e9 times the size of a model hardly any are left for strains."""
     model = h.build({"a": rod("cable", 1)}, {"type": "dynamic", "t_end": 1.0, "dt": 0.01}, loads=GRAVITY)
     motion = Run(model, model.case.solver)
@@ -75,7 +75,7 @@ def test_where_a_motion_has_gone_so_far_that_strains_are_lost_it_is_said_to_grow
 
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
 def test_a_loop_that_spins_a_section_up_ends_the_motion(method: str) -> None:
-    """Steps of less than a turn would go on for hours: the motion ends at a rate that none is meant to have."""
+    """Steps of less than a turn would continue for hours: the motion ends at an unreasonable rate."""
     spun = {"type": "moment", "at": "a@0", "value": 1, "amplitude": {"type": "expression", "value": "1 + root.omega"}}
     model = h.build({"a": rod("reissner3", 1)}, {"type": "dynamic", "method": method, "t_end": 100.0},
                     bc=[{"type": "pin", "at": "a@0"}], loads=[spun], output={"probes": {"root": "a@0"}})
@@ -83,8 +83,8 @@ def test_a_loop_that_spins_a_section_up_ends_the_motion(method: str) -> None:
         list(Run(model, model.case.solver).states())
 
 
-def test_a_motion_that_is_taken_up_again_still_tells_of_elements_inside_out() -> None:
-    """Rubber hit by a force that throws its end through its wall before the state from which it goes on."""
+def test_a_resumed_motion_still_reports_inverted_elements() -> None:
+    """Rubber under an impulse that throws its end through its wall before the checkpoint."""
     hit = [{"type": "force", "at": "a@1", "value": [-3e3, 0]}]
     rubber = h.body(h.line(0.1), h.element("vallejo", 2), {"height": 0.1, "width": 0.1},
                     {"E": 1e4, "nu": 0.3, "rho": 1e3})
@@ -100,7 +100,7 @@ def test_a_motion_that_is_taken_up_again_still_tells_of_elements_inside_out() ->
 
 def estimate_of(fine: float, tolerance: float, steps: int, asked: bool = True, growth: float = 10.0,
                 driven: str | None = None, method: str = "radau5", obstacle: bool = False) -> Estimate:
-    """An estimate whose levels differ by ``fine`` and ``growth`` times that, where the largest displacement is 1.
+    """An estimate whose levels differ by ``fine`` and ``growth`` times that, with the largest displacement 1.
 
     A support is ``driven``, or an ``obstacle``. Ten times the tolerance lengthens steps by 10^(1/4), as errors of
     order 4 in a step do.
@@ -122,7 +122,7 @@ def estimate_of(fine: float, tolerance: float, steps: int, asked: bool = True, g
 
 @pytest.mark.parametrize(("growth", "share"), [(2.0**5, 1 / 7), (2.0**4.2, 1 / (2**2.6 - 1)), (2.0**3.5, 1.0),
                                                 (2.0, 1.0), (0.5, 1.0)])
-def test_fixed_steps_count_half_of_the_methods_own_order_and_no_other(growth: float, share: float) -> None:
+def test_fixed_steps_assume_half_of_the_order_of_the_method(growth: float, share: float) -> None:
     """Radau's order is 5; steps of dt, 2 dt and 4 dt."""
     found = estimate_of(1e-4, 1e-5, 773, growth=growth)
     found.factor, found.made = DOUBLE, np.array([[1.0, 773 / 2], [1.0, 773 / 4]])
@@ -137,21 +137,21 @@ LEFT = 10.0**(2.5 / 4) - 1.0
     (LEFT * 9e-5, []), (LEFT * 1.1e-4, ["the tolerance is missed", "11 times", "Use a tolerance of about 5e-06"]),
     (LEFT * 5e-3, ["the tolerance is missed", "add up. Use a tolerance of about 2e-07"]),
     (LEFT * 8e-2, ["the tolerance is missed", "8000 times the tolerance 1e-05", "sensitive to its initial state"])])
-def test_a_tolerance_that_is_missed_is_told(fine: float, words: list[str]) -> None:
-    """Errors of 773 steps of 1e-5 add up to 7.7e-3 where none grows."""
+def test_a_missed_tolerance_is_reported(fine: float, words: list[str]) -> None:
+    """Errors of 773 steps of 1e-5 add up to 7.7e-3 without growth."""
     said = estimate_of(fine / SAFETY, 1e-5, 773).warnings()
     assert not estimate_of(fine / SAFETY, 1e-5, 773, asked=False).warnings()
     assert len(said) == bool(words)
     assert all(word in said[0] for word in words)
 
 
-def test_a_tolerance_is_never_recommended_far_beyond_the_levels_that_were_compared() -> None:
-    """Errors that grow by 1.8 per level (power 0.26) would ask for 1e-5 (10/100)^(1/0.26) = 1.2e-9."""
+def test_no_tolerance_far_below_the_compared_levels_is_recommended() -> None:
+    """Errors that grow by 1.8 per level (power 0.26) would require 1e-5 (10/100)^(1/0.26) = 1.2e-9."""
     (said,) = estimate_of(1e-3 * (10.0**0.255 - 1.0) / SAFETY, 1e-5, 773, growth=10.0**0.255).warnings()
     assert "Use a tolerance of about 1e-07" in said
 
 
-def test_the_four_bar_whose_crank_starts_at_full_speed_misses_its_tolerance_and_says_so() -> None:
+def test_a_four_bar_with_a_sudden_start_reports_that_it_misses_its_tolerance() -> None:
     """The driven point is the middle of the crank, the tolerance 1e-5.
 
     Tried on the shipped four-bar, driven there: its own gradual start keeps the tolerance (1.4e-5), also with flexible
@@ -168,7 +168,7 @@ def test_the_four_bar_whose_crank_starts_at_full_speed_misses_its_tolerance_and_
     assert "times the tolerance 1e-05" in said
 
 
-def test_a_tolerance_that_ten_times_as_much_would_miss_as_well_is_told_to_resolve_vibrations() -> None:
+def test_a_tolerance_missed_at_all_levels_gets_advice_to_resolve_vibrations() -> None:
     (said,) = estimate_of(4e-3, 1e-5, 773, growth=1.1).warnings()
     assert "fast vibrations" in said
     assert "use a larger tolerance" in said
@@ -176,7 +176,7 @@ def test_a_tolerance_that_ten_times_as_much_would_miss_as_well_is_told_to_resolv
 
 
 @pytest.mark.parametrize(("method", "told"), [("hht", True), ("radau5", False), ("radau9", False)])
-def test_methods_of_low_order_that_miss_a_tolerance_name_a_better_one(method: str, told: bool) -> None:
+def test_the_advice_for_methods_of_low_order_names_a_better_one(method: str, told: bool) -> None:
     for growth in (1.1, 10.0):
         (said,) = estimate_of(4e-3, 1e-5, 773, growth=growth, method=method).warnings()
         assert ("Method radau5 has a smaller error with fewer steps" in said) == told
@@ -191,8 +191,8 @@ def test_a_prescribed_motion_that_starts_with_a_jump_is_named_as_a_cause(angle: 
 
 
 @pytest.mark.parametrize("size", [np.nan, np.inf, 1e200])
-def test_states_that_are_not_finite_are_told_in_words_alone(size: float) -> None:
-    """Numpy's warnings are errors in tests: a load that answers angles and squares of such a state raises none."""
+def test_states_that_are_not_finite_are_reported_without_numpy_warnings(size: float) -> None:
+    """Numpy's warnings are errors in tests: a load that depends on angles and squares of such a state raises none."""
     told = {"type": "expression", "value": "1 + tip.uy^2 + tip.theta"}
     stepper = Ride({"bodies": {"a": rod("vallejo")}, "bc": [{"type": "pin", "at": "a@0"}],
                     "loads": [{"type": "force", "at": "a@1", "value": [0, 1], "amplitude": told}],
@@ -208,7 +208,7 @@ def test_states_that_are_not_finite_are_told_in_words_alone(size: float) -> None
 
 @pytest.mark.parametrize(("method", "friction", "said"), [
     ("generalized_alpha", 0.0, True), ("generalized_alpha", 0.3, False), ("radau5", 0.0, False)])
-def test_where_bodies_touch_without_friction_another_method_is_recommended(method, friction, said):
+def test_contact_without_friction_recommends_another_method(method, friction, said):
     rod = {"geometry": h.line(1.0), "element": {"type": "rigid", "mass": 1.0, "inertia": 0.1}}
     model = h.build({"rod": rod}, {"type": "dynamic", "t_end": 1, "method": method},
                     obstacles={"floor": {"type": "half_plane", "through": [0, -1], "normal": [0, 1]}},

@@ -1,4 +1,4 @@
-"""Observed order in time of every integrator of the tool's own: smooth motions, with constraints and driven ones."""
+"""Observed order in time of every integrator of ancf2d's own: smooth motions, with constraints and driven ones."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def references():
 
 
 @pytest.mark.parametrize(("scene", "method"), PAIRS)
-def test_errors_fall_by_the_order_of_the_method(references, scene, method):
+def test_errors_fall_with_the_order_of_the_method(references, scene, method):
     data, t_end = SCENES[scene]
     order = ORDER[method]
     steps = (6, 10) if order == 9 and scene in SMOOTHEST else STEPS[order]
@@ -46,7 +46,7 @@ def test_errors_fall_by_the_order_of_the_method(references, scene, method):
 
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
 def test_estimates_of_fixed_steps_cover_vibrations_that_hide_the_order(method: str) -> None:
-    """The free rod's own vibrations begin in the steps, whose errors fall by the order 2, whatever the method."""
+    """The free rod's own vibrations dominate the errors of the steps, which fall with order 2 for any method."""
     base = {"output.interval": 0.15, "bodies.rod.element.count": 8, "expected": []}
 
     def places(**solver: Any) -> tuple[np.ndarray, float | None]:
@@ -80,7 +80,7 @@ def double_pendulum(t_end):
     return np.array([L1 * np.cos(p) + L2 * np.cos(q), L1 * np.sin(p) + L2 * np.sin(q)])
 
 
-def test_bars_in_natural_coordinates_swing_as_their_angles_do():
+def test_bars_in_natural_coordinates_swing_like_their_angles():
     scene, t_end = SCENES["double pendulum"]
     moved = ride(scene, t_end, method="radau9", dt=t_end / 96, **TIGHT)
     np.testing.assert_allclose(moved.place("b@1"), double_pendulum(t_end), atol=2e-11)
@@ -96,7 +96,7 @@ def test_second_order_at_every_spectral_radius(references, method, rho):
     np.testing.assert_allclose(orders(errors), 2.0, atol=0.1)
 
 
-def test_without_damping_the_family_is_one_method():
+def test_without_damping_the_generalized_alpha_family_is_one_method():
     scene, t_end = SCENES["pendulum"]
     plain = ride(scene, t_end, method="newmark", dt=0.01).end()
     for method in ("hht", "generalized_alpha"):
@@ -107,7 +107,7 @@ def test_without_damping_the_family_is_one_method():
 
 
 @pytest.mark.parametrize("method", ["radau5", "radau9"])
-def test_the_error_of_a_step_that_ends_at_round_off_is_that_of_one_that_ends_before(method):
+def test_the_error_of_a_step_iterated_to_round_off_equals_that_of_a_converged_one(method):
     ended = 0
     for E in (2e6, 2e7, 2e8):
         scene = {"bodies": {"a": rod("vallejo", 12, E=E)}, "bc": [{"type": "pin", "at": "a@0"}], "loads": GRAVITY,
@@ -121,15 +121,15 @@ def test_the_error_of_a_step_that_ends_at_round_off_is_that_of_one_that_ends_bef
 
 
 @pytest.mark.parametrize(("method", "steps"), [("radau5", 1000), ("radau9", 250)])
-def test_what_newtons_method_leaves_does_not_add_up_over_many_short_steps(method, steps):
-    """Where the predicted stages are within Newton's tolerance of the solution, one increment is not enough."""
+def test_residuals_of_newtons_method_do_not_add_up_over_many_short_steps(method, steps):
+    """If the predicted stages are within Newton's tolerance of the solution, one increment is not enough."""
     scene, t_end = SCENES["double pendulum"]
     moved = ride(scene, t_end, method=method, dt=t_end / steps)
     np.testing.assert_allclose(moved.place("b@1"), double_pendulum(t_end), atol=1e-11)
 
 
 @pytest.mark.parametrize("method", ["generalized_alpha", "energy_momentum", "radau5"])
-def test_the_estimate_is_one_and_a_quarter_errors_of_half_the_order_where_the_order_shows(method):
+def test_the_estimate_is_a_safety_factor_times_the_error_at_half_the_order(method):
     """A mass on a spring: u = v sin(omega t)/omega. The difference d = (2^p - 1) error counts as d/(2^((1 + p)/2) - 1).
     """
     bar = {"geometry": {"type": "line", "start": [0, 0], "end": [0.1, 0]},
@@ -148,7 +148,7 @@ def test_the_estimate_is_one_and_a_quarter_errors_of_half_the_order_where_the_or
 
 
 def steel_pendulum(t_end, **solver):
-    """A thin rod of steel that falls from the horizontal: Newton's method limits steps, not the tolerance."""
+    """A thin steel rod that falls from the horizontal: Newton's method limits steps, not the tolerance."""
     return {"bodies": {"rod": {
         "geometry": {"type": "line", "start": [0, 0], "end": [1.8, 0]}, "section": {"height": 0.01, "width": 0.01},
         "material": {"E": 2.1e11, "nu": 0.3, "rho": 7850}, "element": {"type": "reissner3", "count": 4}}},
@@ -164,15 +164,15 @@ def fallen():
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5])
 @pytest.mark.parametrize("method", ["radau5", "radau9"])
-def test_the_estimate_is_no_smaller_where_coarser_tolerances_change_no_steps(fallen, method, tolerance):
+def test_the_estimate_is_not_reduced_by_coarser_runs_with_equal_steps(fallen, method, tolerance):
     """Runs with the same steps differ by a tenth of their error, or less."""
     found = ancf2d.solve(steel_pendulum(0.6, method=method, tolerance=tolerance))
     error = np.linalg.norm(found.d[:, -3:-1] - fallen, axis=1).max() / np.linalg.norm(fallen, axis=1).max()
     assert 0.4 < found.accuracy["estimate"] / error < 6.0
 
 
-def test_a_level_whose_steps_are_no_longer_is_made_no_further_wherever_calls_end(monkeypatch):
-    """The clock decides how many steps a call makes, and nothing else; resumed runs go on alike."""
+def test_a_level_without_longer_steps_is_abandoned_wherever_calls_end(monkeypatch):
+    """The clock decides only how many steps a call makes; resumed runs continue alike."""
     found = []
     for rows in (4096, 9):
         monkeypatch.setattr(stepping, "LOG_ROWS", rows)

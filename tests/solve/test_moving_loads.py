@@ -1,4 +1,4 @@
-"""Forces, masses and springs that move along bodies, against series, modes and conserved quantities."""
+"""Forces, masses and springs that move along bodies, compared with series, modes and conserved quantities."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_mass_on_a_turning_bar_keeps_the_angular_momentum(method: str) -> None:
 
 @pytest.mark.slow_rows("generalized_alpha")
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
-def test_a_mass_moves_along_a_body_that_a_controller_drives(method: str) -> None:
+def test_a_mass_moves_along_a_body_driven_by_a_controller(method: str) -> None:
     # omega (1 + r^2) = 2 t under a moment of 2 that a controller puts out; its state rests, the latch at the end holds
     # nothing: both give the matrices of a step numbers of their own
     solved = ancf2d.solve({
@@ -120,7 +120,7 @@ def test_mass_falls_off_the_end() -> None:
 
 
 @pytest.mark.slow
-def test_spring_with_an_end_that_moves() -> None:
+def test_spring_with_a_moving_end() -> None:
     # a car of mass 1 on a spring of stiffness 4 over a level rigid bar: it bounces as on the ground
     solved = ancf2d.solve({
         "bodies": {"road": {**BAR, "geometry": {"type": "line", "start": [0, 0], "end": [4, 0]}},
@@ -140,8 +140,8 @@ def test_spring_with_an_end_that_moves() -> None:
 
 
 @pytest.mark.parametrize(("s", "work"), [("0.8", 0.0), ("0.2 + 0.6*t^2", None)])
-def test_the_weight_of_a_mass_that_moves_has_a_potential(s: str, work: float | None) -> None:
-    """Bar and mass fall about a pin: with the mass at rest on the bar energy stays, else its drive does work on it."""
+def test_the_weight_of_a_moving_mass_has_a_potential(s: str, work: float | None) -> None:
+    """Bar and mass fall about a pin: energy is conserved with the mass at rest on the bar, else its drive does work."""
     solved = ancf2d.solve({
         "bodies": {"bar": BAR}, "boundary_conditions": [{"type": "pin", "at": "bar@0"}],
         "masses": [{"at": {"on": "bar", "s": {"type": "expression", "value": s}}, "mass": 2}],
@@ -160,7 +160,7 @@ def test_the_weight_of_a_mass_that_moves_has_a_potential(s: str, work: float | N
     assert solved.summary["energy_drift"] < 1e-7
 
 
-def test_a_mass_that_has_left_its_bar_takes_its_energies_and_momentum_along() -> None:
+def test_a_mass_that_leaves_its_bar_takes_its_energy_and_momentum_along() -> None:
     found = ancf2d.solve({
         "bodies": {"bar": BAR}, "boundary_conditions": [{"type": "pin", "at": "bar@0"}],
         "masses": [{"at": {"on": "bar", "s": {"type": "expression", "value": "0.5 + t"}}, "mass": 2}],
@@ -175,7 +175,7 @@ def test_a_mass_that_has_left_its_bar_takes_its_energies_and_momentum_along() ->
     assert found.summary["energy_drift"] < 1e-7
 
 
-def test_what_never_comes_onto_its_body_is_told() -> None:
+def test_loads_that_never_reach_their_body_give_a_warning() -> None:
     def said(**more: Any) -> list[str]:
         return prepare(ancf2d.load(bridge(0.5, **more))).warnings
     off: dict[str, Any] = {"on": "beam"}
@@ -189,7 +189,7 @@ def test_what_never_comes_onto_its_body_is_told() -> None:
     assert text == "loads.0: it begins at t = 9, but the motion ends at 0.63662"
 
 
-def test_what_moves_is_checked() -> None:
+def test_moving_loads_are_checked() -> None:
     case = bridge(0.5, loads=[{"type": "force", "at": {"on": "beams", "s": {"type": "ramp"}}, "value": [0, 1]}])
     with pytest.raises(ancf2d.CaseError, match="there is no body 'beams'"):
         ancf2d.load(case)

@@ -1,4 +1,4 @@
-"""Natural strains: bodies that are free follow them without stress, bodies that are held are stressed by them."""
+"""Natural strains: free bodies follow them without stress, constrained bodies are stressed by them."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_heat_alone_makes_no_stress(kind: Any, formulation: str | None, solver: 
 
 @pytest.mark.parametrize("course", ["1", "0.3 if t < 0.5 else 1"])
 @pytest.mark.parametrize("solver", [STATIC, {"type": "quasi_static", "t_end": 1}], ids=["static", "quasi_static"])
-def test_heat_that_comes_at_once_buckles_no_free_strip(solver: dict[str, Any], course: str) -> None:
+def test_sudden_heat_buckles_no_free_strip(solver: dict[str, Any], course: str) -> None:
     """Held at its length, the strip would bear EA alpha T, fifteen times its buckling load pi^2 EI/4."""
     T, F = 60.0, 1.0
     loads = [{"type": "temperature", "value": T, "amplitude": {"type": "expression", "value": course}},
@@ -66,7 +66,7 @@ def test_heat_that_comes_at_once_buckles_no_free_strip(solver: dict[str, Any], c
 
 
 @pytest.mark.parametrize(("kind", "formulation"), TYPES)
-def test_an_arc_that_is_heated_keeps_its_angle(kind: Any, formulation: str | None) -> None:
+def test_a_heated_arc_keeps_its_angle(kind: Any, formulation: str | None) -> None:
     arc = {"type": "arc", "center": [0, 0], "radius": 1, "from": 0, "to": 1}
     along_the_chord = {"type": "roller", "at": "strip@1", "normal": [math.cos(0.5), math.sin(0.5)]}
     hold = [{"type": "pin", "at": "strip@0"}, along_the_chord]
@@ -90,7 +90,7 @@ def test_a_strip_with_the_curvature_of_a_circle_closes(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["cable", "vallejo", [3, 3]])
-def test_what_elements_cannot_follow_of_a_circle_vanishes_with_their_length(kind: Any) -> None:
+def test_the_error_of_elements_on_a_circle_vanishes_with_their_length(kind: Any) -> None:
     loads = [{"type": "eigenstrain", "curvature": 2 * math.pi}]
     coarse, fine = (solved(element(kind, None, n), loads, solver={"type": "static", "steps": 10})["energy"]["strain"]
                     for n in (8, 16))
@@ -98,7 +98,7 @@ def test_what_elements_cannot_follow_of_a_circle_vanishes_with_their_length(kind
 
 
 @pytest.mark.parametrize("kind", ["reissner3", "cable", "vallejo", [3, 3]])
-def test_loads_on_one_body_add_up_to_one_stretch(kind: Any) -> None:
+def test_natural_strains_of_one_body_add_up(kind: Any) -> None:
     one = solved(element(kind), [{"type": "eigenstrain", "axial": 0.03, "curvature": 0.5}], FREE)
     parts = [{"type": "eigenstrain", "axial": 0.01, "curvature": 0.5}, {"type": "eigenstrain", "axial": 0.02}]
     two = solved(element(kind), parts, FREE)
@@ -106,7 +106,7 @@ def test_loads_on_one_body_add_up_to_one_stretch(kind: Any) -> None:
     assert two["probes"]["mid"]["y"] == pytest.approx(one["probes"]["mid"]["y"], rel=1e-10)
 
 
-def test_a_part_of_the_body_and_a_profile_bend_the_tip_by_what_they_integrate_to() -> None:
+def test_partial_and_varying_natural_curvatures_bend_the_tip_by_their_integrals() -> None:
     part = solved(element("reissner3"), [{"type": "eigenstrain", "curvature": 0.6, "from": 0.3, "to": 0.55}])
     assert part["probes"]["tip"]["theta"] == pytest.approx(0.6 * 0.25, rel=1e-12)
     table = {"s": [0, 0.35, 0.35, 1], "value": [0.1, 0.1, 0.4, 0.0]}
@@ -122,7 +122,7 @@ BREATHING = [{**clamp, "hold": "breathe"} for clamp in BOTH]
 
 @pytest.mark.parametrize("kind", ["reissner3", "cable", "vallejo"])
 @pytest.mark.parametrize("solver", [STATIC, LINEAR], ids=["static", "linear"])
-def test_clamped_ends_bear_what_heat_would_do(kind: str, solver: dict[str, Any]) -> None:
+def test_clamped_ends_bear_the_forces_of_heat(kind: str, solver: dict[str, Any]) -> None:
     T, g = 40.0, 500.0
     supports = BREATHING if kind == "vallejo" else BOTH
     held = solved(element(kind), [{"type": "temperature", "value": T, "gradient": g}], supports, solver)
@@ -134,7 +134,7 @@ def test_clamped_ends_bear_what_heat_would_do(kind: str, solver: dict[str, Any])
 
 
 @pytest.mark.parametrize(("kind", "solver"), [("reissner3", STATIC), ("vallejo", STATIC), ("vallejo", LINEAR)])
-def test_stress_is_that_of_what_is_held(kind: str, solver: dict[str, Any], tmp_path: Path) -> None:
+def test_stress_is_that_of_the_constrained_part(kind: str, solver: dict[str, Any], tmp_path: Path) -> None:
     T, g = 40.0, 500.0
     case = strip(element(kind), [{"type": "temperature", "value": T, "gradient": g}],
                  BREATHING if kind == "vallejo" else BOTH, solver)
@@ -220,7 +220,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("load", "material", "says"), REFUSED)
-def test_what_cannot_strain_is_refused(load: dict[str, Any], material: dict[str, Any], says: str) -> None:
+def test_missing_natural_strains_are_refused(load: dict[str, Any], material: dict[str, Any], says: str) -> None:
     case = strip(element("reissner3"), [load])
     if material:
         del case["bodies"]["strip"]["material"]["alpha"]
@@ -228,15 +228,15 @@ def test_what_cannot_strain_is_refused(load: dict[str, Any], material: dict[str,
         ancf2d.load(case) if "thermal" not in says else ancf2d.solve(case)
 
 
-def test_a_rigid_body_is_not_strained() -> None:
+def test_a_rigid_body_has_no_natural_strains() -> None:
     case = strip({"type": "rigid"}, [{"type": "eigenstrain", "axial": 1e-3}])
     with pytest.raises(ancf2d.CaseError, match="body 'strip' is rigid"):
         ancf2d.solve(case, states=False)
 
 
 @pytest.mark.parametrize("curvature", [2 / 7, 11 / 7, 26 / 7, 5.0])
-def test_a_strip_that_is_bent_in_part_takes_no_more_steps_than_it_is_given(curvature: float) -> None:
-    """Nothing bears a force, so that Newton's method ends in round-off, which decides nothing."""
+def test_a_partly_bent_strip_takes_no_more_steps_than_requested(curvature: float) -> None:
+    """There are no forces, so Newton's method ends in round-off, which must not decide anything."""
     case = strip(element("reissner3"), [{"type": "eigenstrain", "curvature": curvature, "from": 0.2, "to": 0.6}],
                  geometry={"type": "line", "start": [0, 0], "end": [0.1, 0]})
     case["bodies"]["strip"]["section"] = {"height": 2e-3, "width": 0.01}
@@ -249,9 +249,9 @@ def test_a_strip_that_is_bent_in_part_takes_no_more_steps_than_it_is_given(curva
 @pytest.mark.parametrize("kind", [("reissner3", None), ("cable", None), ("vallejo", "structural")])
 @pytest.mark.parametrize("solver", [{"type": "static", "steps": 8},
                                     {"type": "quasi_static", "t_end": 1.0, "tolerance": 1e-4}])
-def test_a_held_strip_that_is_heated_beyond_yield_and_cooled_is_left_in_tension(kind: tuple[str, str | None],
+def test_a_constrained_strip_heated_beyond_yield_and_cooled_remains_in_tension(kind: tuple[str, str | None],
                                                                                solver: dict[str, Any]) -> None:
-    """It flows in compression by p = (E alpha T - s)/(E + H), and back by q = (E p - s - H p)/(E + H) as it cools.
+    """It yields in compression by p = (E alpha T - s)/(E + H), and back by q = (E p - s - H p)/(E + H) as it cools.
 
     Isotropic hardening: stress then is s + H (p + q).
     """

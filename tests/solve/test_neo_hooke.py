@@ -1,4 +1,4 @@
-"""The neo-Hookean law beside its energy, and bodies of it beside closed forms."""
+"""The neo-Hookean law compared with its energy, and bodies of it with closed forms."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BAR = {"geometry": h.line(LENGTH), "element": h.element("vallejo", 1, "continuum
 
 
 def energy(eps: np.ndarray) -> float:
-    """Return W of Green's strain (3,) at the thickness that has no stress across it."""
+    """Return W of Green's strain (3,) at the thickness for zero transverse stress."""
     C = np.array([[1 + 2 * eps[0], eps[2]], [eps[2], 1 + 2 * eps[1]]])
     det = np.linalg.det(C)
     c = brentq(lambda v: MU * (v - 1) + 0.5 * LAMBDA * np.log(det * v), 1e-6, 1e6, xtol=1e-15, rtol=1e-15)
@@ -33,7 +33,7 @@ def energy(eps: np.ndarray) -> float:
 
 
 def law(eps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return stress (3,) and dS/dE (3, 3) as the kernels have them."""
+    """Return stress (3,) and dS/dE (3, 3) as in the kernels."""
     G = 0.9 * MU
     ref = np.array([MU, LAMBDA, E, NU, G])[:, None]
     new, slope = np.zeros((3, 1)), np.zeros((3, 3, 1))
@@ -68,14 +68,14 @@ def pull(force: float) -> float:
 
 
 @pytest.mark.parametrize("stretch", [0.8, 1.5, 3.0])
-def test_a_bar_is_pulled_and_pressed(stretch: float) -> None:
-    """P = mu (l - c/l) of simple tension by l; for the squared stretch c across mu (c - 1) + lambda ln(l c) = 0."""
+def test_a_bar_in_tension_and_compression(stretch: float) -> None:
+    """P = mu (l - c/l) in tension by l; for the squared transverse stretch c, mu (c - 1) + lambda ln(l c) = 0."""
     c = brentq(lambda v: MU * (v - 1) + LAMBDA * np.log(stretch * v), 1e-3, 1e3, xtol=1e-15, rtol=1e-15)
     force = HEIGHT * WIDTH * MU * (stretch - c / stretch)
     assert pull(force) == pytest.approx((stretch - 1) * LENGTH, rel=1e-8)
 
 
-def test_a_cantilever_deflects_a_little_as_one_of_linear_material() -> None:
+def test_a_cantilever_in_small_bending_is_that_of_linear_material() -> None:
     """In the limit of small strains the law is linear elasticity in plane stress, without a shear factor."""
     load = [{"type": "force", "at": "beam@1", "value": [0, 1e-6]}]
     tips = [h.cantilever({**h.element("vallejo", 2, "continuum"), **factor}, load, length=LENGTH, material=material,
@@ -98,13 +98,13 @@ def test_the_tangent_of_a_body_is_exact() -> None:
     (h.element("cable", 2), "does not support the law neo_hooke"),
     ({**h.element("vallejo", 2, "continuum"), "shear_factor": 0.8}, "no shear factor"),
     ({**h.element("vallejo", 2, "continuum"), "quadrature": {"normal": [2, 2], "shear": [1, 1]}}, "one quadrature")])
-def test_what_has_no_such_law_is_refused(element: dict[str, Any], words: str) -> None:
+def test_formulations_without_the_law_are_refused(element: dict[str, Any], words: str) -> None:
     with pytest.raises(CaseError, match=words):
         build_model(h.load({"rod": {**BAR, "element": element}}, "static", bc=[{"type": "clamp", "at": "rod@0"}]))
 
 
 def test_a_bar_of_rubber_swings_without_loss() -> None:
-    """Under a sudden force that stretches it by a fifth, the energy is that of W: drifts are those of the steps."""
+    """Under a sudden force that stretches it by a fifth, the energy is that of W: the drift is that of the steps."""
     body, drifts = {**BAR, "material": {**RUBBER, "rho": 1000.0}}, []
     for dt in (2e-3, 5e-4):
         done = ancf2d.solve(h.load(
@@ -120,7 +120,7 @@ def test_a_bar_of_rubber_swings_without_loss() -> None:
 
 
 def test_the_strain_energy_of_statics_is_that_of_the_law() -> None:
-    """A bar stretched by 1.5 between frictionless faces holds A L W."""
+    """A bar stretched by 1.5 between frictionless faces stores A L W."""
     found = ancf2d.solve(h.load({"bar": BAR}, {"type": "static", "steps": 2}, bc=[
         {"type": "clamp", "at": "bar@0", "hold": "section"},
         {"type": "prescribed", "at": "bar@1", "ux": 0.5 * LENGTH, "uy": 0, "angle": 0}]), states=False)
@@ -130,7 +130,7 @@ def test_the_strain_energy_of_statics_is_that_of_the_law() -> None:
     assert found.summary["energy"]["strain"] == pytest.approx(exact, rel=2e-2)
 
 
-def test_a_slender_column_of_rubber_buckles_as_a_linear_one() -> None:
+def test_a_slender_column_of_rubber_buckles_like_a_linear_one() -> None:
     load = [{"type": "force", "at": "bar@1", "value": [-1.0, 0]}]
     factors = []
     for material in (RUBBER, {"E": E, "nu": NU}):

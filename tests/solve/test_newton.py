@@ -1,4 +1,4 @@
-"""Newton's method and load steps: order of convergence, cutting back, limit points, scales from 1e-12 to units."""
+"""Newton's method and load steps: order of convergence, cut steps, limit points, any units and scales."""
 
 from itertools import pairwise
 
@@ -42,7 +42,7 @@ def test_newton_converges_quadratically(name, formulation):
 
 
 def increments(system, most: int) -> list[float]:
-    """Return the increments of full Newton steps from the reference at the whole load."""
+    """Return the increments of full Newton steps from the reference at the full load."""
     model = system.model
     d = np.zeros(len(model.numbering.place))
     out = []
@@ -88,13 +88,13 @@ def test_every_state_is_in_equilibrium_and_as_close_as_the_tolerance_asks(name, 
     ("increments", "converged"),
     [([1e-12], False), ([1e-3, 1e-7], True), ([1e-3, 1e-5], False), ([1e-10, 0.9e-10], False), ([1.0, 0.0], True)],
 )
-def test_convergence_is_judged_by_the_increment_to_come(increments, converged):
-    """A second increment smaller by c promises a third smaller by c again; that one must be below 1e-9 of the size."""
+def test_convergence_is_judged_by_the_predicted_next_increment(increments, converged):
+    """A second increment smaller by c predicts a third smaller by c again; that one must be below 1e-9 of the size."""
     assert has_converged(increments, 1.0, 1e-9) == converged
 
 
 @helpers.every_small_type
-def test_a_load_too_large_for_one_step_is_cut_and_reaches_the_same_state(name):
+def test_a_load_too_large_for_one_step_is_divided_and_reaches_the_same_state(name):
     loads = helpers.tip(0.0, -6 * STEEL_EI)
     one = helpers.solved(beam(name), {"type": "static", "steps": 1}, bc=CLAMP, loads=loads)
     many = helpers.solved(beam(name), {"type": "static", "steps": 40}, bc=CLAMP, loads=loads)
@@ -111,7 +111,7 @@ def test_cutting_back_is_recorded():
 
 
 @pytest.mark.parametrize("steps", [1, 3, 10])
-def test_no_load_step_is_larger_than_asked_for(steps):
+def test_no_load_step_is_larger_than_requested(steps):
     out = helpers.solved(
         beam("cable"), {"type": "static", "steps": steps}, bc=CLAMP, loads=helpers.tip(0.0, -0.1 * STEEL_EI)
     )
@@ -121,7 +121,7 @@ def test_no_load_step_is_larger_than_asked_for(steps):
     assert len(out.states) == steps
 
 
-def test_the_path_may_end_elsewhere_than_at_one():
+def test_the_load_factor_may_end_at_values_other_than_one():
     half = helpers.solved(
         beam("cable"), {"type": "static", "until": {"load_factor": 0.5}}, bc=CLAMP, loads=helpers.tip(0.0, -STEEL_EI)
     )
@@ -145,7 +145,7 @@ def shallow_arch(name: str, P: float):
 
 @pytest.mark.slow_rows("vallejo")
 @pytest.mark.parametrize("name", ["vallejo", "cable", "reissner3"])
-def test_snap_through_is_refused_with_the_load_that_was_reached_and_advice(name):
+def test_snap_through_is_refused_with_the_reached_load_and_advice(name):
     below = shallow_arch(name, 0.5e5)
     assert below.u("a@0.5")[1] < 0
     with pytest.raises(ComputationError, match="no equilibrium was found beyond load factor") as error:
@@ -226,7 +226,7 @@ def test_stiff_soft_stout_and_slender_beams_are_solved(name, E, slenderness):
 
 @pytest.mark.parametrize("name", ["vallejo", "cable", "reissner3"])
 def test_displacements_of_slender_beams_are_converged_not_only_their_forces(name):
-    """With EA/EI = 1e9 a residual small beside the axial forces can hide a bending far from rest."""
+    """With EA/EI = 1e9 a residual small relative to the axial forces can hide unconverged bending."""
 
     def tip(**more) -> np.ndarray:
         section = {"EA": 1e9, "kGA": 4e8, "EI": 1.0}

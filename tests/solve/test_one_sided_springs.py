@@ -1,4 +1,4 @@
-"""Springs that act on one side or from a gap on, and torques between sections, against closed forms."""
+"""Springs that act on one side or beyond a gap, and torques between sections, compared with closed forms."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def turned(springs: list, loads: list) -> float:
 
 @pytest.mark.parametrize(("torque", "angle"), [(0.04, 0.08), (0.3, 0.2), (-0.3, -0.2)])
 def test_a_torque_turns_an_elbow_against_its_stop(torque, angle):
-    """0.5 theta below the stop at 0.1, and 2 (theta - 0.1) besides beyond."""
+    """0.5 theta below the stop at 0.1, plus 2 (theta - 0.1) beyond."""
     between = ["a@1", "b@0"]
     springs = [{"type": "rotational", "between": between, "stiffness": 0.5},
                {"type": "rotational", "between": between, "stiffness": 2.0, "gap": 0.1}]
@@ -41,8 +41,8 @@ def test_a_torque_turns_an_elbow_against_its_stop(torque, angle):
                                                      ("translational", {"gap": 0.006}, (0.018, -0.018)),
                                                      ("rotational", {"only": "tension"}, (0.03, -0.015)),
                                                      ("rotational", {"only": "compression"}, (0.015, -0.03))])
-def test_a_spring_acts_on_its_side_alone(name, spring, tip):
-    """A stiff bar on a pin and two springs of 1 N/m or N m/rad: one always, one on its side or behind its gap."""
+def test_a_spring_acts_only_on_its_side(name, spring, tip):
+    """A stiff bar on a pin and two springs of 1 N/m or N m/rad: one always active, one on a side or beyond a gap."""
     between = ["b@1", [1, -5]] if name == "translational" else ["b@1", [0, 0]]
     always = {"type": name, "between": between, "stiffness": 1.0}
     # what sinks shortens the spring below it; the relative rotation is that of the ground less that of the bar
@@ -70,7 +70,7 @@ def test_a_load_that_its_only_spring_does_not_resist_is_told(name):
 
 
 def test_a_folded_antenna_unfolds_against_its_stops():
-    """Two hinges turn by about 3 rad: k (theta - rest) + k_stop (theta - gap) = 0 at each; nothing else is loaded.
+    """Two hinges turn by about 3 rad: k (theta - rest) + k_stop (theta - gap) = 0 at each; there is no other load.
 
     A stop of 5 kN m/rad and the round-off of 3 rad make moments far beyond the round-off of the displacements, and the
     root, which bears nothing, moves by round-off of the others alone.
@@ -104,7 +104,7 @@ STOPS = {"bodies": {"b": rigid([0, 0], [1, 0], MASS, 0.1)},
          "initial": {"bodies": {"b": {"velocity": [SPEED, 0]}}}}
 
 
-def test_a_bar_between_two_stops_has_the_period_of_free_flight_and_half_swings():
+def test_a_bar_between_two_stops_has_the_period_of_free_flight_and_half_oscillations():
     swing = ride(STOPS, PERIOD, states=4, method="radau5", tolerance=1e-8)
     found = [swing.place("b@0", k)[0] for k in range(5)]
     # of a quarter of the period it flies 0.0333 s freely and is in the stop for the rest
@@ -117,20 +117,20 @@ def test_energy_is_conserved_through_the_stops():
     assert np.ptp(total) < 1e-10 * total[0]
 
 
-def test_linear_statics_refuses_what_it_cannot_express():
+def test_linear_statics_refuses_one_sided_springs():
     with pytest.raises(CaseError, match="which linear statics cannot represent"):
         h.solved(ARMS, "linear_static", springs=[{"type": "rotational", "between": ["a@1", "b@0"], "stiffness": 2.0,
                                                   "only": "tension"}], **ELBOW)
 
 
-def test_a_spring_that_does_not_act_in_the_reference_is_named_where_it_would_have_to_hold_a_body():
-    """A weak spring beside it is what ``test_a_torque_turns_an_elbow_against_its_stop`` has."""
+def test_an_inactive_spring_that_is_the_only_support_is_named():
+    """``test_a_torque_turns_an_elbow_against_its_stop`` has a weak spring in addition."""
     stop = {"type": "rotational", "between": ["a@1", "b@0"], "stiffness": 2.0, "gap": 0.1}
     with pytest.raises(CaseError, match=r"springs.0: inactive in the reference.*; expected .* a weak spring"):
         h.solved(ARMS, STATIC, springs=[stop], **ELBOW)
 
 
-def test_small_motions_on_the_verge_of_a_spring_are_those_with_it():
+def test_small_motions_at_the_limit_of_a_spring_include_it():
     bar = {"b": rigid([0, 0], [1, 0], 2.0, 0.1)}
     pair = [h.solved(bar, {"type": "eigen", "modes": 1}, bc=STOPS["bc"],
                      springs=[{"type": "translational", "between": [[-1, 0], "b@0"], "stiffness": 800.0, **more}]).state
@@ -143,7 +143,7 @@ def test_small_motions_on_the_verge_of_a_spring_are_those_with_it():
 @pytest.mark.parametrize("law", [{"stiffness": 800.0}, {"force": "800*u"}], ids=["stiffness", "formula"])
 @pytest.mark.parametrize("only", ["tension", "compression"])
 @pytest.mark.parametrize("gap", [0.1, 0.2, 0.25, 0.3, 0.7])
-def test_a_gap_that_is_closed_in_the_reference_is_closed_whatever_the_round_off(gap, only, law):
+def test_a_gap_closed_in_the_reference_is_closed_despite_round_off(gap, only, law):
     """1 - 0.9 is less than 0.1 in doubles, 1 - 0.8 less than 0.2, and 1 - 0.75 is 0.25."""
     length = 1.0 - gap if only == "tension" else 1.0 + gap
     found = h.solved({"b": rigid([0, 0], [1, 0], 2.0, 0.1)}, {"type": "eigen", "modes": 1}, bc=STOPS["bc"],
@@ -162,7 +162,7 @@ HARD, FLIES = 0.4 * (math.pi / WITHIN)**2, {
 
 
 def bouncing(t: float) -> float:
-    """Return where it is at t: straight to a stop and back, and half a sine in it."""
+    """Return its position at t: uniform motion to a stop and back, and half a sine in it."""
     bounces, x = divmod(t + FREE, 2 * FREE + WITHIN)
     place = x - FREE if x < 2 * FREE else FREE + WITHIN / math.pi * math.sin(math.pi * (x - 2 * FREE) / WITHIN)
     return (-1.0)**bounces * place
@@ -187,7 +187,7 @@ def off(kind: str, **solver: Any) -> float:
 @pytest.mark.parametrize(("method", "limit"), [
     ("radau5", 1e-3), ("radau9", 1e-4), ("DOP853", 1e-4), ("RK45", 2e-3), ("Radau", 3e-5)])
 def test_no_step_passes_over_a_stop(method, limit):
-    """In free flight steps have no error, and grow until they are longer than it is in the stop."""
+    """In free flight steps have no error, and grow longer than the time in the stop."""
     assert off("gap", method=method, tolerance=1e-5) < limit
 
 
@@ -198,15 +198,15 @@ def test_every_kind_of_stop_is_found(kind):
 
 @pytest.mark.parametrize(("method", "order"), [("radau5", 5), ("generalized_alpha", 2), ("energy_momentum", 2)])
 def test_the_order_is_kept_through_stops(method, order):
-    """Steps end where a stop begins and ceases to act."""
+    """Steps end where a stop engages and releases."""
     coarse, fine = (off("gap", method=method, dt=dt) for dt in (2e-3, 1e-3))
     assert math.log2(coarse / fine) > order - 0.6
 
 
 @pytest.mark.slow_rows("BDF")
 @pytest.mark.parametrize("method", ["LSODA", "BDF"])
-def test_multistep_methods_begin_anew_at_stops(method):
-    """They keep no multipliers, so that the bar bends and stretches; beside what radau9 finds."""
+def test_multistep_methods_restart_at_stops(method):
+    """They have no multipliers, so the bar bends and stretches; compared with radau9."""
     bar = {"geometry": {"type": "line", "start": [0, 0], "end": [0.1, 0]}, "element": {"type": "cable", "count": 1},
            "section": {"EA": 1e3, "EI": 1e-3, "rhoA": 4.0}}
     stop = {"type": "translational", "between": [[-1, 0], "b@0"], "stiffness": 0.01 * HARD, "gap": FREE}
@@ -218,7 +218,7 @@ def test_multistep_methods_begin_anew_at_stops(method):
 
 
 @pytest.mark.parametrize(("method", "limit"), [("radau5", 1e-5), ("generalized_alpha", 5e-4), ("DOP853", 5e-5)])
-def test_an_arm_between_two_rotational_stops_flies_and_swings(method, limit):
+def test_an_arm_between_two_rotational_stops(method, limit):
     inertia, stiffness, gap, rate = 0.35, 400.0, 0.3, 2.0
     omega = math.sqrt(stiffness / inertia)
     arm = ride({"bodies": {"b": rigid([0, 0], [1, 0], 1.0, 0.1)}, "bc": [{"type": "pin", "at": "b@0"}],
@@ -234,8 +234,8 @@ def test_an_arm_between_two_rotational_stops_flies_and_swings(method, limit):
 
 
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
-def test_a_spring_with_a_gap_pulls_a_mass_at_rest_by_an_end_that_moves(method):
-    """The mass has no rate yet when the spring begins to act. Beside SciPy's integrator."""
+def test_a_spring_with_a_gap_and_a_moving_end_pulls_a_mass_at_rest(method):
+    """The mass has no rate when the spring engages. Compared with SciPy's integrator."""
     mass, stiffness, gap = 1.0, 400.0, 0.1
     course = {"type": "expression", "value": "0.5 + 0.4*sin(6*t)"}
     found = ride({"bodies": {"rail": rigid([0, 0], [2, 0], 1.0, 0.1), "b": rigid([1, 1], [1.1, 1], mass, 0.1)},
@@ -261,7 +261,7 @@ def test_a_spring_with_a_gap_pulls_a_mass_at_rest_by_an_end_that_moves(method):
                                              ({"only": "tension", "gap": 3.0}, False),
                                              ({"only": None, "gap": 3.0}, False)])
 def test_a_stop_beyond_the_length_of_its_spring_never_acts_and_is_refused(keys: dict[str, Any], never: bool) -> None:
-    """Ends at a distance of 1 come no nearer than 0: a shortening by the whole length or more never happens."""
+    """Ends at a distance of 1 come no nearer than 0: the spring cannot shorten by its whole length or more."""
     spring = {"type": "translational", "between": ["b@1", [1, -1]], "stiffness": 1.0, "only": "compression", **keys}
     scene = {"b": h.body(h.line(1.0), h.element("reissner3", 1), SECTION)}
     options = {"bc": [{"type": "clamp", "at": "b@0"}], "loads": [{"type": "force", "at": "b@1", "value": [0, 1e-6]}],

@@ -1,4 +1,4 @@
-"""The static tables of the seed paper, to the digits that it prints, from its own choices (preset: paper)."""
+"""The static tables of the seed paper, to its printed digits, with its own choices (preset: paper)."""
 
 import helpers
 import numpy as np
@@ -62,7 +62,7 @@ def test_table_2(name, expected):
     assert tuple(f"{v:.5f}" for v in value) == expected
 
 
-def test_2d2n_answers_differently_when_numbered_from_the_other_end():
+def test_2d2n_depends_on_the_direction_of_numbering():
     forward = tip(helpers.element("2d2n", 32, preset="paper"))[1]
     backward = tip(helpers.element("2d2n", 32, preset="paper"), reverse=True)[1]
     assert sorted(f"{v:.5f}" for v in (forward, backward)) == ["-0.68115", "-0.68168"]
@@ -71,7 +71,7 @@ def test_2d2n_answers_differently_when_numbered_from_the_other_end():
 
 
 def test_the_papers_shear_is_half_of_the_right_one():
-    """Its preset is the shear factor 0.5: a number in its place gives the same, the right factor another value."""
+    """Its preset is the shear factor 0.5: the number itself gives the same, the right factor another value."""
     paper = midspan(helpers.element("2d3n", 16, preset="paper"))
     assert midspan(helpers.element("2d3n", 16, "continuum", quadrature=[2, 2], shear_factor=0.5)) == pytest.approx(
         paper, rel=1e-12

@@ -1,4 +1,4 @@
-"""Patch tests: states of constant strain come out exact on unequal elements, whatever the type."""
+"""Patch tests: states of constant strain are exact on unequal elements, for any type."""
 
 import helpers
 import numpy as np
@@ -41,7 +41,7 @@ def wall(name: str) -> str:
 @pytest.mark.parametrize("angle", [0.0, 0.6])
 @helpers.every_small_variant
 def test_tension_is_exact_on_unequal_elements(name, formulation, angle):
-    """u = F x/(EA) wherever one asks: with the section free to contract, also under Poisson coupling."""
+    """u = F x/(EA) everywhere: with the section free to contract, also under Poisson coupling."""
     # the faces of nonconforming neighbours part by y^2, and a constant stress does work on the gap; the end is exact
     between = 5e-3 if helpers.TYPES[name].common_coefficients else 1e-11
     F = 10.0
@@ -86,7 +86,7 @@ def test_pure_bending_of_straight_sections_is_exact_without_poisson_coupling(nam
 
 
 def test_pure_bending_with_poisson_coupling_is_exact_for_the_consistent_coefficient():
-    """u = (-kappa x y, kappa (x^2 + nu y^2)/2) is in the space of 2d3n-nu, and only it: 2d3n itself is off."""
+    """u = (-kappa x y, kappa (x^2 + nu y^2)/2) is only in the space of 2d3n-nu: 2d3n itself has an error."""
     M = 0.3
     loads = [{"type": "moment", "at": "beam@1", "value": M}]
     exact = M * 4 / (2 * E * I)
@@ -104,7 +104,7 @@ def test_pure_bending_with_poisson_coupling_is_exact_for_the_consistent_coeffici
 @pytest.mark.parametrize("name", ["vallejo", "ancf[3,1]", "reissner3"])
 @pytest.mark.parametrize("formulation", ["continuum", "enhanced", "strain_split", "structural", "geometrically_exact"])
 def test_settlement_of_a_fixed_beam_is_timoshenkos(name, formulation):
-    """Both ends upright, one lowered: 12 EI/(L^3 (1 + phi)) with phi = 12 EI/(k GA L^2), where shear counts."""
+    """Both ends fixed upright, one lowered: 12 EI/(L^3 (1 + phi)) with phi = 12 EI/(k GA L^2) if there is shear."""
     if (name, formulation) not in VARIANTS:
         pytest.skip(f"{name} has no such formulation")
     drop, k = 1e-4, 0.8

@@ -70,7 +70,7 @@ def test_every_state_of_the_path_lies_on_the_closed_solution():
 
 
 def test_multipliers_are_not_among_the_negative_pivots_of_a_path():
-    """A frame whose corner a multiplier keeps (Lee, Manuel & Rossow 1968) is stable up to its limit point."""
+    """A frame with a multiplier at its corner (Lee, Manuel & Rossow 1968) is stable up to its limit point."""
     section = {"EA": 43200.0, "EI": 1.0, "rhoA": 1.0}
     legs = {name: helpers.body({"type": "line", "start": a, "end": b}, helpers.element("cable", 5), section)
             for name, a, b in (("a", [0, 0], [0, 1]), ("b", [0, 1], [1, 1]))}
@@ -84,14 +84,14 @@ def test_multipliers_are_not_among_the_negative_pivots_of_a_path():
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
-def test_a_path_does_not_know_its_unit_of_length(scale):
+def test_a_path_does_not_depend_on_the_unit_of_length(scale):
     points = truss(path({"limit_points": 2}), scale=scale).state.report["limit_points"]
     np.testing.assert_allclose([p["factor"] for p in points], [truss_load(HIGH), truss_load(-HIGH)], rtol=1e-9)
     assert points[0]["probes"]["top"]["y"] == pytest.approx(HIGH * scale, rel=1e-7)
 
 
 @pytest.mark.parametrize("size", [1e-6, 1e6])
-def test_the_size_of_the_load_that_is_scaled_does_not_matter(size):
+def test_a_path_does_not_depend_on_the_size_of_the_scaled_load(size):
     loads = [{"type": "force", "at": "bar@1", "value": [0, -size]}]
     points = truss(path({"limit_points": 2}), loads=loads).state.report["limit_points"]
     np.testing.assert_allclose([p["factor"] * size for p in points], [truss_load(HIGH), truss_load(-HIGH)], rtol=1e-9)
@@ -114,7 +114,7 @@ def test_limit_points_are_located_where_the_tangent_is_singular_to_round_off(mon
     np.testing.assert_allclose([p["probes"]["top"]["y"] for p in points], [HIGH, -HIGH], rtol=1e-7)
 
 
-def test_limit_points_under_a_follower_load_are_where_the_load_is_stationary():
+def test_limit_points_under_a_follower_load_are_stationary_points_of_the_load():
     """Lee's frame under a load that turns with the beam: the tangent is not symmetric, its determinant changes sign."""
     corners = {"type": "polyline", "points": [[0, 0], [0, 120], [120, 120]]}
     scene = {"bc": [{"type": "pin", "at": "f@0"}, {"type": "pin", "at": "f@1"}], "output": {"probes": {"p": "f@0.6"}},
@@ -161,7 +161,7 @@ def test_a_value_of_a_probe_is_met_exactly(method, probe, quantity, value):
     assert out.state.last
 
 
-def test_a_path_that_begins_at_its_end_has_nothing_to_do():
+def test_a_path_that_starts_at_its_end_stops_there():
     held = [{"type": "force", "at": "bar@1", "value": [0, -1], "amplitude": {"type": "constant"}},
             {"type": "force", "at": "bar@1", "value": [0, -1]}]
     for loads, until in (({}, reaches("top", "uy", 0)), ({"loads": held}, {"load_factor": 0})):
@@ -213,8 +213,8 @@ def test_arc_length_and_displacement_control_give_the_states_of_load_control(nam
 
 
 @pytest.mark.parametrize("method", ["arc_length", "displacement"])
-def test_what_has_an_amplitude_is_constant_and_present_from_the_start(method):
-    """A tip load of its own amplitude acts in full at factor 0; the moment alone is scaled."""
+def test_loads_with_an_amplitude_are_constant_along_a_path(method):
+    """A tip load with an amplitude acts in full at factor 0; only the moment is scaled."""
     held = helpers.tip(0.2 * EI, -0.9 * EI, amplitude={"type": "ramp", "t0": 0, "t1": 1})
     both = [*held, {"type": "moment", "at": "beam@1", "value": EI}]
     alone, newton = cantilever("vallejo", "static", held), cantilever("vallejo", "static", both)
@@ -311,7 +311,7 @@ def test_limit_points_are_in_summary_checks_and_result_file(tmp_path):
 
 @pytest.mark.parametrize(("low", "high", "rise", "hidden"), [(1, 1, 1, False), (1, 1, -0.5, True), (1, 1, 0.4, False),
                                                              (1, -1, 0, False), (-1, -1, 0.5, True), (1, 1, 0.2, True)])
-def test_pairs_of_limit_points_within_a_step_are_seen_by_the_cubic(low, high, rise, hidden):
+def test_pairs_of_limit_points_within_a_step_are_found_by_the_cubic(low, high, rise, hidden):
     def point(s, t, rate):
         return PathPoint(np.zeros(1), t, s, np.zeros(1), rate, 0, None, 0, 0.0, 0.0, [])
 
@@ -323,19 +323,19 @@ def test_pairs_of_limit_points_within_a_step_are_seen_by_the_cubic(low, high, ri
 
 # ------------------------------------------------------------------ failures
 
-def test_a_path_on_which_nothing_is_scaled_is_refused_in_words():
+def test_a_path_without_scaled_loads_is_refused():
     loads = [{"type": "force", "at": "bar@1", "value": [0, 0]}]
     with pytest.raises(ComputationError, match="nothing moves as the load factor grows"):
         truss(path({"load_factor": 1}), loads=loads)
 
 
-def test_displacement_control_of_what_does_not_move_is_refused_in_words():
+def test_displacement_control_of_a_fixed_point_is_refused():
     with pytest.raises(ComputationError, match=r"top ux does not change with the load factor"):
         truss(path(reaches("top", "ux", 0.1), "displacement"))
 
 
 def test_displacement_control_says_where_the_path_snaps_back():
-    """The load point of Lee's frame turns back; arc length goes on to the same value."""
+    """The load point of Lee's frame turns back; arc length continues to the same value."""
     corners = {"type": "polyline", "points": [[0, 0], [0, 120], [120, 120]]}
     frame = helpers.body(corners, helpers.element("reissner3", 20), {"A": 6, "I": 2, "height": 2},
                          {"E": 7.2e6, "nu": 0.3})
@@ -351,13 +351,13 @@ def test_displacement_control_says_where_the_path_snaps_back():
     assert helpers.solved({"f": frame}, path(reaches("p", "uy", -80)), **scene).state.last
 
 
-def test_too_few_steps_are_reported_with_how_far_they_led():
+def test_too_few_steps_are_reported_with_the_value_reached():
     with pytest.raises(ComputationError, match="limit point 2 was not reached within 3 steps") as failed:
         truss(path({"limit_points": 2}, steps=3))
     assert failed.value.failure.at["step"] == 3
 
 
-def test_constant_loads_that_find_no_equilibrium_are_named():
+def test_constant_loads_without_equilibrium_are_named():
     held = [{"type": "force", "at": "bar@1", "value": [0, -2 * truss_load(HIGH)], "amplitude": {"type": "constant"}},
             {"type": "force", "at": "bar@1", "value": [0, -1]}]
     with pytest.raises(ComputationError, match="under the constant loads alone"):

@@ -1,4 +1,4 @@
-"""Meshes too coarse for zones that yield say so, by about how much, and others do not."""
+"""Meshes too coarse for plastic zones give a warning with their error, and others do not."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TIP = {"probes": {"tip": "beam@1"}}
 
 
 def told(outcome: Any) -> float | None:
-    """Return the error that the warning about zones that yield tells, if there is one."""
+    """Return the error in the warning about plastic zones, if there is one."""
     found = [re.search(r"yields, most .* an error of about (\S+) %", w) for w in outcome.warnings]
     return next((float(match[1]) / 100 for match in found if match is not None), None)
 
@@ -39,7 +39,7 @@ def cantilever(kind: str, count: int, hardening: str, *loads: Any, **solver: Any
 
 
 def check(error: float, said: float | None) -> None:
-    """Above an error of 1 % there is a warning, below 0.1 % none, and what it says is no less than a quarter of it."""
+    """Check that there is a warning above an error of 1 %, none below 0.1 %, with at least a quarter of the error."""
     assert said is not None or error < 0.01
     assert said is None or (error > 1e-3 and said > error / 4)
 
@@ -47,7 +47,7 @@ def check(error: float, said: float | None) -> None:
 @pytest.mark.parametrize(("kind", "hardening"), h.chosen(
     [(kind, hardening) for kind in TYPES for hardening in HARDENING],
     [("reissner2", "kinematic"), ("reissner3", "none"), ("cable", "isotropic"), ("omar", "none")]))
-def test_the_error_of_a_cantilever_with_a_plastic_zone_is_told(kind: str, hardening: str) -> None:
+def test_the_error_of_a_cantilever_with_a_plastic_zone_is_reported(kind: str, hardening: str) -> None:
     """The moment at its clamp is 1.4 times that of first yield: the zone is 0.29 of its length."""
     def tip(count: int) -> tuple[float, float | None]:
         outcome = cantilever(kind, count, hardening, {"type": "force", "at": "beam@1", "value": [0, -1.4 * FIRST]})
@@ -62,14 +62,14 @@ def test_the_error_of_a_cantilever_with_a_plastic_zone_is_told(kind: str, harden
 
 @pytest.mark.parametrize("kind", h.chosen(list(TYPES), ["reissner2", "cable"]))
 def test_uniform_bending_is_resolved_by_one_element(kind: str) -> None:
-    """Plastic strains are the same everywhere, whatever their size."""
+    """Plastic strains are uniform, whatever their size."""
     outcome = cantilever(kind, 1 if kind != "omar" else 2, "none",
                          {"type": "moment", "at": "beam@1", "value": 1.35 * FIRST})
     assert told(outcome) is None
 
 
-def test_a_zone_that_no_station_reaches_is_told() -> None:
-    """Under 1.3 times the moment of first yield, the middle of the first of two elements has 0.975 times of it."""
+def test_a_zone_between_stations_is_reported() -> None:
+    """Under 1.3 times the moment of first yield, the middle of the first of two elements has 0.975 times it."""
     load = {"type": "force", "at": "beam@1", "value": [0, -1.3 * FIRST]}
     assert told(cantilever("reissner2", 2, "none", load)) > 0.02
     assert told(cantilever("reissner2", 2, "none", {**load, "value": [0, -0.95 * FIRST]})) is None
@@ -79,7 +79,7 @@ def test_a_zone_that_no_station_reaches_is_told() -> None:
                                                       ("0.1 - 0.05*s", (0.96 * 0.05 * WIDTH * YIELD, 0), False),
                                                       ("0.05 + 0.05*s", (0, -0.3 * FIRST), True),
                                                       ("0.1 - 0.05*s", (0, -0.9 * FIRST), False)])
-def test_ends_yield_as_their_own_sections_do(height: str, force: tuple[float, float], zone: bool) -> None:
+def test_ends_yield_like_their_own_sections(height: str, force: tuple[float, float], zone: bool) -> None:
     """The section at the end of a body differs from that of its stations: beam of two elements, pulled or bent."""
     beam = {**rod("reissner2", 2, "isotropic"), "section": {"height": height, "width": WIDTH}}
     done = ancf2d.solve(h.load({"beam": beam}, {"type": "static", "steps": 4}, bc=CLAMP, output=TIP,
@@ -88,7 +88,7 @@ def test_ends_yield_as_their_own_sections_do(height: str, force: tuple[float, fl
 
 
 def test_a_stretch_of_one_element_is_not_continued_from_its_other_end() -> None:
-    """A force at a third of a body of two elements, where it is divided: only the clamp yields."""
+    """A force at a third of a body of two elements, which is divided there: only the clamp yields."""
     beam = rod("reissner2", 2, "isotropic")
     beam["element"]["nodes"] = "acting"
     load = {"type": "force", "at": "beam@0.33", "value": [0, -1.4 / 0.33 * FIRST]}
@@ -96,7 +96,7 @@ def test_a_stretch_of_one_element_is_not_continued_from_its_other_end() -> None:
     assert told(done) > 0.1
 
 
-def test_the_error_is_told_where_most_of_it_is_with_a_count_that_suffices() -> None:
+def test_the_warning_names_the_largest_error_and_a_sufficient_count() -> None:
     load = {"type": "force", "at": "beam@1", "value": [0, -1.4 * FIRST]}
     (warning,) = [w for w in cantilever("reissner3", 4, "none", load).warnings if "yields" in w]
     assert "bodies.beam yields, most from S = 0 to 0.25:" in warning
@@ -105,8 +105,8 @@ def test_the_error_is_told_where_most_of_it_is_with_a_count_that_suffices() -> N
     assert told(cantilever("reissner3", count, "none", load)) is None
 
 
-def test_a_mesh_of_a_required_accuracy_is_not_told_again() -> None:
-    """Eight elements have 0.1 % of error, less than was asked for, and the series of meshes shows it."""
+def test_a_mesh_of_a_required_accuracy_gives_no_warning() -> None:
+    """Eight elements have 0.1 % of error, less than requested, and the series of meshes shows it."""
     case = {"loads": [{"type": "force", "at": "beam@1", "value": [0, -1.4 * FIRST]}], "bc": CLAMP, "output": TIP,
             "goal": {"probe": "tip", "quantity": "uy"}}
     bodies, solver = {"beam": rod("reissner3", 8, "none")}, {"type": "static", "steps": 4}
@@ -117,8 +117,8 @@ def test_a_mesh_of_a_required_accuracy_is_not_told_again() -> None:
 
 
 @pytest.mark.parametrize("kind", ["reissner3", "cable"])
-def test_a_body_that_has_been_let_go_is_judged_by_its_plastic_strains(kind: str) -> None:
-    """What remains of the deflection is plastic: no force is left."""
+def test_an_unloaded_body_is_judged_by_its_plastic_strains(kind: str) -> None:
+    """The remaining deflection is plastic: no force is left."""
     load = {"type": "force", "at": "beam@1", "value": [0, -1.4 * FIRST],
             "amplitude": {"type": "table", "t": [0, 0.5, 1], "value": [0, 1, 0]}}
     found = {count: cantilever(kind, count, "kinematic", load) for count in (4, 32, 128)}
@@ -128,7 +128,7 @@ def test_a_body_that_has_been_let_go_is_judged_by_its_plastic_strains(kind: str)
 
 
 def portal(kind: str, count: int, hardening: str, factor: float, **solver: Any) -> Any:
-    """Run a frame of 1.5 m by 2 m under a share of the load at which hinges form in all corners of a perfect one."""
+    """Run a frame of 1.5 m by 2 m under a share of the collapse load with hinges in all corners."""
     tall, wide = 1.5, 2.0
     ends = {"left": ((0, tall), (0, 0)), "beam": ((wide, tall), (0, tall)), "right": ((wide, tall), (wide, 0))}
     bodies = {name: rod(kind, count, hardening, *both) for name, both in ends.items()}
@@ -142,7 +142,7 @@ def portal(kind: str, count: int, hardening: str, factor: float, **solver: Any) 
 @pytest.mark.parametrize(("kind", "factor"), h.chosen(
     [(kind, factor) for kind in ("reissner3", "cable", "vallejo") for factor in (0.75, 0.9)],
     [("reissner3", 0.9)]))
-def test_the_error_of_a_portal_frame_is_told(kind: str, factor: float) -> None:
+def test_the_error_of_a_portal_frame_is_reported(kind: str, factor: float) -> None:
     def sway(count: int) -> tuple[float, float | None]:
         outcome = portal(kind, count, "isotropic", factor, steps=4)
         return outcome.course["corner"]["ux"][-1], told(outcome)
@@ -155,8 +155,8 @@ def test_the_error_of_a_portal_frame_is_told(kind: str, factor: float) -> None:
 
 @pytest.mark.parametrize(("kind", "hardening"), h.chosen(
     [*(("reissner3", hardening) for hardening in HARDENING), ("vallejo", "kinematic")], [("reissner3", "isotropic")]))
-def test_at_the_end_of_a_path_the_error_of_its_load_is_told(kind: str, hardening: str) -> None:
-    """Hinges of a mechanism turn as its displacements ask for; its load hardly depends on the length of their zones."""
+def test_at_the_end_of_a_path_the_error_of_its_load_is_reported(kind: str, hardening: str) -> None:
+    """Rotations of plastic hinges follow from displacements; the load hardly depends on the length of their zones."""
     def load(count: int) -> tuple[float, float | None]:
         until = {"probe": "corner", "quantity": "ux", "reaches": 2.5 * YIELD / E * 1.5**2 / HEIGHT}
         outcome = portal(kind, count, hardening, 1.0, method="arc_length", until=until)
@@ -169,8 +169,8 @@ def test_at_the_end_of_a_path_the_error_of_its_load_is_told(kind: str, hardening
 
 
 @pytest.mark.parametrize("kind", h.chosen(["reissner3", "cable", "vallejo"], ["reissner3"]))
-def test_the_error_of_what_a_motion_leaves_bent_is_told(kind: str) -> None:
-    """A load is put on within a tenth of a period, 12 ms, and taken off after 1.2: the cantilever stays bent."""
+def test_the_error_of_a_permanent_bend_after_a_motion_is_reported(kind: str) -> None:
+    """A load is applied within a tenth of a period, 12 ms, and removed after 1.2: the cantilever stays bent."""
     def tip(count: int) -> tuple[float, float | None]:
         amplitude = {"type": "table", "t": [0, 1.2e-3, 14.7e-3, 15.9e-3], "value": [0, 1, 1, 0]}
         force = {"type": "force", "at": "beam@1", "value": [0, -0.72 * FIRST], "amplitude": amplitude}

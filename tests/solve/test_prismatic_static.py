@@ -1,4 +1,4 @@
-"""Equilibrium with a prismatic joint: an elastica whose load stays on a vertical line, and points that are nowhere."""
+"""Equilibrium with a prismatic joint: an elastica whose load stays on a vertical line, and points off the axis."""
 
 import helpers
 import numpy as np
@@ -14,7 +14,7 @@ STIFF = {"EA": 1e7, "kGA": 1e7, "EI": EI}
 
 
 def collar(rail="cable", count=8, load=V, x=X, length=2.0, **solver):
-    """Return the model of a cantilever ``rail`` under a collar that a vertical bar presses down, guided along x = X."""
+    """Return the model of a cantilever ``rail`` under a collar pressed down by a vertical bar, guided along x = X."""
     section = STIFF if rail.startswith("reissner") else {k: v for k, v in STIFF.items() if k != "kGA"}
     bodies = {
         "rail": helpers.body(helpers.line(length), helpers.element(rail, count), section),
@@ -38,7 +38,7 @@ def place(model, d, at):
 
 
 def elastica():
-    """Return y of the loaded point, the angle there and the arc length up to it: the load is normal to the beam."""
+    """Return y of the loaded point, the angle there and its arc length: the load is normal to the beam."""
 
     def end_of(unknown, load):
         k, S, end = unknown
@@ -79,7 +79,7 @@ def test_a_load_that_slides_along_a_beam_stays_normal_to_it(rail):
     assert max(s.history["iterations"] for s in states) <= 6
 
 
-def test_wide_models_know_a_joint_too():
+def test_wide_models_have_the_same_joint():
     """Beyond 200 unknowns the matrix is sparse."""
     y, _, _ = elastica()
     model = collar("cable", 60)
@@ -114,7 +114,7 @@ def test_a_point_off_the_axis_in_the_reference_is_refused(y, refused):
     assert problem.message == "joints.0: bar@0 is at (0.7, 0.001), 0.001 away from the axis of rail"
 
 
-def test_a_joint_holds_one_direction_of_three():
+def test_a_joint_fixes_one_direction_of_three():
     bodies = {
         "rail": helpers.body(helpers.line(2.0), helpers.element("cable", 2)),
         "bar": helpers.body(helpers.line(0.5, np.pi / 2, (0.7, 0.0)), helpers.element("cable", 1)),

@@ -1,4 +1,4 @@
-"""Sections, materials and line loads that vary along a body, against quadrature, high-order solutions and welds."""
+"""Sections, materials and line loads that vary along a body, compared with quadrature, accurate solutions and welds."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SHAPES = [(c, both) for c in (0.8, 0.6, 0.3) for both in (False, True)]
 
 
 def taper(c: float, both: bool) -> dict[str, Any]:
-    """Return a section whose height, or height and width, ends at c times the root's."""
+    """Return a section whose height, or height and width, tapers to c times that of the root."""
     return {"height": f"{H}*(1 - {1 - c}*s)", "width": f"{B}*(1 - {1 - c}*s)" if both else B}
 
 
@@ -56,7 +56,7 @@ def gauss(n: int = 60) -> tuple[np.ndarray, np.ndarray]:
 
 
 def ritz(c: float, both: bool, shears: bool, n: int = 14) -> np.ndarray:
-    """Return the frequencies of the cantilever [rad/s] by polynomials of degree n, exact to more digits than asked."""
+    """Return the frequencies of the cantilever [rad/s] by polynomials of degree n, more accurate than necessary."""
     s, w = gauss()
     EI, kGA, rhoA, rhoI = constants(c, both)(s)
     p = [(Polynomial([0, 1]) if shears else Polynomial([0, 0, 1])) * Legendre.basis(k)(Polynomial([-1, 2]))
@@ -73,7 +73,7 @@ def ritz(c: float, both: bool, shears: bool, n: int = 14) -> np.ndarray:
 
 @pytest.mark.parametrize(("c", "both"), SHAPES)
 @pytest.mark.parametrize(("spec", "shears"), BEAMS)
-def test_a_tapered_cantilever_bends_as_beam_theory_says(spec, shears, c, both):
+def test_a_tapered_cantilever_bends_as_in_beam_theory(spec, shears, c, both):
     found = beam(taper(c, both), spec, 16, solver="linear_static",
                  loads=[{"type": "force", "at": "b@1", "value": [0, -100.0]}])
     s, w = gauss()
@@ -82,8 +82,8 @@ def test_a_tapered_cantilever_bends_as_beam_theory_says(spec, shears, c, both):
     assert found.u("b@1")[1] == pytest.approx(exact, rel=1e-4)
 
 
-def test_what_a_taper_costs_falls_with_the_fourth_power_of_the_mesh():
-    """Gauss points of the default rules are enough: the order is that of a constant section."""
+def test_the_error_of_a_taper_falls_with_the_fourth_power_of_the_mesh():
+    """Gauss points of the default rules suffice: the order is that of a constant section."""
     s, w = gauss()
     exact = -100.0 * (w @ ((L * (1 - s)) ** 2 / constants(0.3, False)(s)[0]))
     errors = [abs(beam(taper(0.3, False), {"type": "cable"}, n, solver="linear_static", loads=[
@@ -93,14 +93,14 @@ def test_what_a_taper_costs_falls_with_the_fourth_power_of_the_mesh():
 
 @pytest.mark.parametrize(("c", "both"), helpers.chosen(SHAPES, [(0.6, False), (0.3, True)]))
 @pytest.mark.parametrize(("spec", "shears"), BEAMS)
-def test_a_tapered_cantilever_vibrates_as_beam_theory_says(spec, shears, c, both):
+def test_a_tapered_cantilever_vibrates_as_in_beam_theory(spec, shears, c, both):
     found = beam(taper(c, both), spec, 20, solver={"type": "eigen", "modes": 3})
     omega = [f["omega"] for f in found.state.report["frequencies"] if f["kind"] == "bending"]
     np.testing.assert_allclose(omega, ritz(c, both, shears)[:3], rtol=1e-4)
 
 
 def welded(spec: dict[str, Any], at: float, thin: float, solver: Any, **scene: Any) -> tuple[Any, Any]:
-    """Return a cantilever with a step of its height at S = ``at``, as one body and as two that are welded."""
+    """Return a cantilever with a step of its height at S = ``at``, as one body and as two welded bodies."""
     material = {"E": E, "nu": NU, "rho": RHO}
     step = {"height": {"s": [0, at, at, 1], "value": [H, H, thin, thin]}, "width": B}
     one = {"b": {"geometry": helpers.line(L), "section": step, "material": material, "element": {**spec, "count": 5}}}
@@ -179,8 +179,8 @@ def test_a_tapered_column_buckles_at_the_published_load(power, ratio, published)
     assert factor == pytest.approx(published, abs=1.5e-3)
 
 
-def test_a_line_load_that_varies_bends_as_its_integral_says():
-    """A triangle from the root, and a load that jumps as two constant ones."""
+def test_a_varying_line_load_bends_by_its_integral():
+    """A triangle from the root, and a load with a jump like two constant ones."""
     EI = E * B * H**3 / 12
     found = beam({"height": H, "width": B}, {"type": "cable"}, 8, solver="linear_static", loads=[
         {"type": "distributed", "on": "b", "value": [0, "-100*(1 - s)"]}])
@@ -197,7 +197,7 @@ def test_a_line_load_that_varies_bends_as_its_integral_says():
 
 @pytest.mark.parametrize("spec", [{"type": "reissner3"}, {"type": "vallejo"}, {"type": "ancf", "order": [3, 2]}])
 def test_weight_centre_and_stress_follow_the_section(spec):
-    """Reactions to gravity are the mass and its moment; stress at the upper face is M/W of that place."""
+    """Reactions to gravity are the mass and its moment; stress at the upper face is M/W of that section."""
     g = 9.81
     found = beam(taper(0.5, True), spec, 12, solver="linear_static", loads=[{"type": "gravity", "value": [0, -g]}])
     s, w = gauss()
@@ -234,7 +234,7 @@ def test_pictures_show_the_true_outline(spec):
 
 
 def test_section_forces_of_a_body_that_varies_in_part_balance_its_weight():
-    """Its mass is integrated with more points where it varies than where it does not."""
+    """Its mass is integrated with more points where it varies."""
     body = {"geometry": helpers.line(L), "material": {"E": E, "nu": NU, "rho": 1000.0},
             "section": {"height": {"s": [0, 0.5, 1], "value": [H, H, 0.5 * H]}, "width": B},
             "element": {"type": "reissner3", "count": 4}}
@@ -247,8 +247,8 @@ def test_section_forces_of_a_body_that_varies_in_part_balance_its_weight():
 
 # 2d2n itself is not symmetric under reversal
 @pytest.mark.parametrize("spec", [t for t in TYPES if t["type"] != "2d2n"])
-def test_a_tapered_body_read_from_its_other_end_is_the_same(spec):
-    """Reversed, and cut into two halves that are welded."""
+def test_a_reversed_tapered_body_is_the_same(spec):
+    """Reversed, and cut into two welded halves."""
     material, loads = {"E": "2e11*(1 + s)", "nu": NU}, [{"type": "force", "at": "b@1", "value": [1e4, -2e4]}]
     body = {"geometry": helpers.line(L), "section": taper(0.5, True), "material": material,
             "element": {**spec, "count": 4}}
@@ -281,7 +281,7 @@ def test_smooth_tables_are_monotone_and_follow_straight_data():
 
 
 def test_a_rigid_body_has_the_mass_centre_and_inertia_of_its_shape():
-    """A wedge with a step: kinetic energies of translations and of a turn about its end."""
+    """A wedge with a step: kinetic energies of translations and of a rotation about its end."""
     section = {"height": {"s": [0, 0.3, 0.3, 1], "value": [0.3, 0.2, 0.1, 0.05]}, "width": "0.1*(1 + s^2)"}
     model = helpers.build({"b": {"geometry": helpers.line(L), "section": section, "material": {"rho": RHO},
                                  "element": {"type": "rigid"}}}, {"type": "dynamic", "t_end": 1.0, "dt": 0.1})

@@ -1,4 +1,4 @@
-"""Published and closed values of beams: thick and slender cantilevers, elastica, roll-up, orders of convergence."""
+"""Published values and closed forms of beams: thick and slender cantilevers, elastica, roll-up, convergence."""
 
 import helpers
 import numpy as np
@@ -107,7 +107,7 @@ ELASTICA = [
 
 @pytest.mark.parametrize(("P", "v", "u", "theta"), ELASTICA)
 def test_elastica(P, v, u, theta):
-    """No shear, no stretch (Mattiasson 1981), by stiffnesses 1e9 times the bending stiffness."""
+    """Without shear and stretch (Mattiasson 1981), by stiffnesses 1e9 times the bending stiffness."""
     out = slim("reissner3", 32, {"EA": 1e9, "kGA": 1e9, "EI": 1.0}, helpers.tip(0, P))
     np.testing.assert_allclose(out.u("beam@1"), [-u, v], atol=2e-7)
     assert out.theta("beam@1") == pytest.approx(theta, abs=2e-7)
@@ -150,7 +150,7 @@ def test_slender_cantilever(name, formulation, expected):
 
 @pytest.mark.parametrize(("count", "published", "accuracy"), [(1, (0.362244729891, 0.994144758725), 8e-4),
                                                                   (4, (0.507428715119, 1.205533702233), 3e-6)])
-def test_cables_with_five_gauss_points_are_those_of_another_program(count, published, accuracy):
+def test_cables_with_five_gauss_points_agree_with_another_program(count, published, accuracy):
     """Gerstmayr & Irschik 2008, with three points for the curvature; by default one element is within 4 %."""
     load = helpers.tip(0, -3 * 2.07e11 * 0.1**4 / 12 / 4)
     five = helpers.cantilever({"type": "cable", "count": count, "quadrature": [5, 1]}, load)
@@ -180,7 +180,7 @@ def frame(name: str, formulation: str | None, P: float) -> np.ndarray:
     return out.u("f@0.6")
 
 
-def test_lees_frame_is_one_frame_for_every_beam():
+def test_lees_frame_agrees_for_every_beam():
     P = 9000.0
     reference = frame("reissner3", None, P)
     assert reference[1] < -5
@@ -208,8 +208,8 @@ def test_orders_of_convergence(name, formulation, counts, expected):
 
 
 @helpers.every_small_variant
-def test_refinement_comes_to_rest(name, formulation):
-    """On ever finer meshes the default rule must lead somewhere: a weak hidden mode would let the answer creep on."""
+def test_refinement_converges(name, formulation):
+    """On ever finer meshes the default rule must converge: a weak hidden mode would let the answer drift."""
     v = [thick(name, formulation, n, 62.5e3, "linear_static")[1] for n in (8, 32, 128)]
     # a quarter of the mesh leaves at most a bit more than a quarter of the change
     assert abs(v[2] - v[1]) < 0.32 * abs(v[1] - v[0]) or abs(v[2] - v[1]) < 1e-6 * v[0]
@@ -217,8 +217,8 @@ def test_refinement_comes_to_rest(name, formulation):
 
 
 @pytest.mark.parametrize("name", ["vallejo", "cable", "reissner3", "kerkkanen", "ancf[3,3]"])
-def test_bias_of_a_type_does_not_depend_on_the_rule_once_it_is_fine(name):
-    """More points than the default leave the limit where it is."""
+def test_the_limit_of_a_type_does_not_depend_on_a_fine_rule(name):
+    """More points than the default do not change the limit."""
     nx, ny = (helpers.TYPES[name].degree_x + 2, helpers.TYPES[name].degree_y + 3)
     v = [thick(name, None, 64, 62.5e3, "linear_static", **q)[1] for q in ({}, {"quadrature": [nx, ny]})]
     assert v[0] == pytest.approx(v[1], rel=2e-3)

@@ -9,11 +9,11 @@ import pytest
 import ancf2d
 from ancf2d.errors import CaseError
 from ancf2d.model.build import build_model
-from ancf2d.solvers.post import reactions
+from ancf2d.solvers.state_results import reactions
 
 
-def test_yield_is_a_matter_of_the_way_not_of_the_steps() -> None:
-    """Steps end at the peaks of a sine: 7 cycles in some hundred steps leave the yield stress that they do.
+def test_yield_depends_on_the_load_history_not_on_the_steps() -> None:
+    """Steps end at the peaks of a sine: 7 cycles in some hundred steps give the right final yield stress.
 
     In yield strains and stresses, fibres of E = 1 and H = 0.1 flow by f/1.1 where |e - p| is above the yield stress
     by f.
@@ -34,7 +34,7 @@ def test_yield_is_a_matter_of_the_way_not_of_the_steps() -> None:
     assert force == pytest.approx(2e8 * (3.0 - plastic), rel=1e-9)
 
 
-def test_steps_end_at_times_that_are_asked_for() -> None:
+def test_steps_end_at_requested_times() -> None:
     """A stretched bar has its stress of (1 + g exp(-t/tau)) E e there, however long its steps are."""
     times = [0.0, 0.0123, 0.2, 0.77, 1.0]
     case = h.load({"beam": {"geometry": h.line(1.0), "element": h.element("reissner3", 2),
@@ -56,7 +56,7 @@ def test_steps_end_at_times_that_are_asked_for() -> None:
 @pytest.mark.parametrize(("course", "begins", "ends"), [
     ({"type": "table", "t": [0, 1, 2], "value": [0, 2, 0]}, 0.5, 1.5),
     ({"type": "expression", "value": "2 if 0.3 < t < 1.2 else 0"}, 0.3, 1.2)], ids=["gradual", "at once"])
-def test_a_column_is_told_to_be_unstable_beyond_its_buckling_load(course: dict, begins: float, ends: float) -> None:
+def test_a_column_beyond_its_buckling_load_is_called_unstable(course: dict, begins: float, ends: float) -> None:
     """A straight column under twice its buckling load pi^2 EI/4 and back, in steps of at most a hundredth."""
     body = {"geometry": h.line(1.0), "element": h.element("reissner3", 4), "section": {"EA": 1e6, "kGA": 1e6, "EI": 1}}
     load = {"type": "force", "at": "rod@1", "value": [-np.pi**2 / 4, 0], "amplitude": course}

@@ -1,4 +1,4 @@
-"""Materials that relax, in equilibria over time, beside closed forms of linear viscoelasticity."""
+"""Materials that relax, in equilibria over time, compared with closed forms of linear viscoelasticity."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 
 import ancf2d
 from ancf2d.model.build import build_model
-from ancf2d.solvers.post import reactions
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state_results import reactions
 
 E, SIZE, LENGTH = 2e6, 0.02, 1.0
 ZENER = ((0.5, 0.1),)
@@ -56,7 +56,7 @@ def creep(t: np.ndarray, terms: tuple[tuple[float, float], ...]) -> np.ndarray:
 @pytest.mark.parametrize("kind", [pytest.param(kind, id=kind[0], marks=() if k % 2 else pytest.mark.slow)
                                   for k, kind in enumerate(TYPES)])
 def test_a_beam_creeps(kind: tuple[str, str | None]) -> None:
-    """The instantaneous response at t = 0, then 1 - g/(1 + g) exp(-t/((1 + g) tau)), of bending and shear alike."""
+    """The instantaneous response at t = 0, then 1 - g/(1 + g) exp(-t/((1 + g) tau)), for bending and shear alike."""
     load = [{"type": "force", "at": "beam@1", "value": [0, FORCE]}]
     done = ancf2d.solve(beam(kind, ZENER, 0.5, loads=load))
     t, u = done.course_t, done.course["tip"]["uy"]
@@ -73,7 +73,7 @@ def test_a_beam_creeps(kind: tuple[str, str | None]) -> None:
     pytest.param(TYPES[1], ((1000.0, 1.0),), 50.0, id="fluid"),
     *(pytest.param(kind, PRONY, 0.2, id=f"prony-{kind[0]}", marks=pytest.mark.slow) for kind in TYPES[1::2])])
 def test_maxwell_and_prony_beams_creep_to_a_millionth(kind: tuple[str, str | None], terms: Any, end: float) -> None:
-    """Of a spring a thousand times the long-time one the beam is Maxwell's: its deflection grows by a rate for long."""
+    """With a spring a thousand times the long-term one the beam is nearly a Maxwell beam and creeps for long."""
     load = [{"type": "force", "at": "beam@1", "value": [0, FORCE]}]
     done = ancf2d.solve(beam(kind, terms, end, loads=load))
     whole = ancf2d.solve(beam(kind, (), 1.0, loads=load)).course["tip"]["uy"][-1]
@@ -85,7 +85,7 @@ def test_maxwell_and_prony_beams_creep_to_a_millionth(kind: tuple[str, str | Non
 
 
 def test_one_kernel_serves_any_number_of_terms() -> None:
-    """Bodies of one and of five terms side by side call the same compiled law, and relax each by its own terms."""
+    """Bodies with one and with five terms call the same compiled law, and each relaxes by its own terms."""
     bodies = {name: {"geometry": h.line(LENGTH), "element": h.element("reissner3", 1), "material": material(terms),
                      "section": {"height": SIZE, "width": SIZE}} for name, terms in (("a", ZENER), ("b", PRONY))}
     bc = [{"type": "clamp", "at": f"{name}@0"} for name in bodies]
@@ -98,7 +98,7 @@ def test_one_kernel_serves_any_number_of_terms() -> None:
         assert reactions(found.model, found.state)[name]["fx"] == pytest.approx(exact, rel=1e-9)
 
 
-def test_steps_are_told_in_time() -> None:
+def test_steps_are_reported_in_time() -> None:
     load = [{"type": "force", "at": "beam@1", "value": [0, FORCE]}]
     states = list(solve(build_model(beam(TYPES[0], ZENER, 0.5, 1e-3, loads=load))))
     steps = [(s.history["t"], s.history["dt"]) for s in states]
@@ -109,7 +109,7 @@ def test_steps_are_told_in_time() -> None:
 
 
 @pytest.mark.slow
-def test_five_terms_creep_over_decades_as_accurately_as_asked_for() -> None:
+def test_five_terms_creep_over_decades_within_the_tolerance() -> None:
     load = [{"type": "force", "at": "beam@1", "value": [0, FORCE]}]
     whole = ancf2d.solve(beam(TYPES[0], (), 1.0, loads=load)).course["tip"]["uy"][-1]
     for tolerance in (1e-3, 1e-4):
@@ -119,7 +119,7 @@ def test_five_terms_creep_over_decades_as_accurately_as_asked_for() -> None:
 
 
 def test_a_stretched_bar_relaxes_exactly() -> None:
-    """Strains that do not change make no error: F = E A e (1 + sum g exp(-t/tau))."""
+    """Constant strains cause no error: F = E A e (1 + sum g exp(-t/tau))."""
     held = [{"type": "prescribed", "at": "beam@1", "name": "end", "ux": 1e-6, "uy": 0, "angle": 0}]
     case = beam(TYPES[0], PRONY, 20.0, bc=held)
     found = h.Solution(build_model(case))
@@ -130,7 +130,7 @@ def test_a_stretched_bar_relaxes_exactly() -> None:
 
 
 def test_a_ramp_of_strain_is_exact_and_a_jump_takes_no_time() -> None:
-    """F/(E A) = e + sum g e' tau (1 - exp(-t/tau)) along a ramp of any step; behind a jump 1 + sum g of it."""
+    """F/(E A) = e + sum g e' tau (1 - exp(-t/tau)) along a ramp with any step; after a jump 1 + sum g of it."""
     ramp = {"type": "expression", "value": "(1e-6*t) if t < 0.2 else 3e-7"}
     held = [{"type": "prescribed", "at": "beam@1", "name": "end", "ux": ramp, "uy": 0, "angle": 0}]
     found = h.Solution(build_model(beam(TYPES[0], ZENER, 0.4, 1e-3, bc=held)))
@@ -143,8 +143,8 @@ def test_a_ramp_of_strain_is_exact_and_a_jump_takes_no_time() -> None:
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, pytest.param(1e-4, marks=pytest.mark.slow)])
-def test_the_force_of_what_is_moved_is_as_accurate_as_asked_for(tolerance: float) -> None:
-    """Where all is moved only stress is unknown: F/(E A) = e(t) + sum g h, h' = e' - h/tau, in a pulse of e."""
+def test_the_force_of_a_prescribed_motion_is_within_the_tolerance(tolerance: float) -> None:
+    """With all displacements prescribed only stress is unknown: F/(E A) = e(t) + sum g h, h' = e' - h/tau."""
     terms, middle, width = ((0.5, 0.1), (0.3, 0.02)), 0.5, 0.05
     pulse = {"type": "expression", "value": f"1e-6*exp(-((t - {middle})/{width})^2)"}
     held = [{"type": "prescribed", "at": "beam@1", "name": "end", "ux": pulse, "uy": 0, "angle": 0}]
@@ -160,7 +160,7 @@ def test_the_force_of_what_is_moved_is_as_accurate_as_asked_for(tolerance: float
     assert 1e-2 * tolerance < np.abs(force - exact).max() / np.abs(exact).max() < tolerance
 
 
-def test_statics_are_those_of_the_long_time() -> None:
+def test_statics_have_the_long_term_modulus() -> None:
     load = [{"type": "force", "at": "beam@1", "value": [0, 0.05]}]
     ends = [h.cantilever(h.element("reissner3", 2), load, length=LENGTH, section={"height": SIZE, "width": SIZE},
                          material=material(terms)).u("beam@1") for terms in ((), PRONY)]
@@ -168,7 +168,7 @@ def test_statics_are_those_of_the_long_time() -> None:
 
 
 def test_an_elastic_arch_follows_its_load_over_time() -> None:
-    """Without memory, the states are those of statics at the load of each moment."""
+    """Without memory, the states are those of statics at the same loads."""
     sine = {"type": "sine", "frequency": 0.25}
     load = [{"type": "force", "at": "beam@1", "value": [0, 0.05], "amplitude": sine}]
     done = ancf2d.solve(beam(TYPES[0], (), 1.0, loads=load))
@@ -197,7 +197,7 @@ def real_roots(omega: float, terms: tuple[tuple[float, float], ...]) -> np.ndarr
 @pytest.mark.slow_rows("steel on an obstacle")
 @pytest.mark.parametrize("law", ["rubber", "steel on an obstacle"])
 def test_resumed_equilibria_over_time_are_the_same_to_the_last_bit(law: str) -> None:
-    """From before and behind a jump of the load, and from within a stretch of steps."""
+    """From before and after a jump of the load, and from between steps."""
     table = {"type": "expression", "value": "t if t < 0.2 else (0.5 + t if t < 0.3 else 0.2)"}
     case = beam(TYPES[0], ZENER, 0.5, 1e-3, loads=[{"type": "force", "at": "beam@1", "value": [0, -0.02],
                                                     "amplitude": table}])
@@ -225,7 +225,7 @@ CYCLE = {"terms": ((0.5, 0.1), (0.3, 0.02)), "hz": 2.0, "strain": 1e-4, "end": 2
 
 @pytest.mark.slow
 def test_a_cycle_of_equilibria_loses_the_energy_of_the_loss_modulus() -> None:
-    """Once transients have died, u = e L Im(J exp(i omega t)) with J = E/E(i omega): -pi E e^2 Im J per volume."""
+    """After transients, u = e L Im(J exp(i omega t)) with J = E/E(i omega): -pi E e^2 Im J per volume."""
     terms, omega, end = CYCLE["terms"], 2 * np.pi * CYCLE["hz"], 2.5
     pull = [{"type": "force", "at": "beam@1", "value": [CYCLE["strain"] * E * SIZE**2, 0],
              "amplitude": {"type": "sine", "frequency": CYCLE["hz"]}}]
@@ -238,8 +238,8 @@ def test_a_cycle_of_equilibria_loses_the_energy_of_the_loss_modulus() -> None:
 
 
 @pytest.mark.slow
-def test_time_goes_on_where_nothing_moves_but_by_round_off() -> None:
-    """A triangle of rigid links is held, and loaded; a beam beside it, which relaxes, is not."""
+def test_time_advances_although_only_round_off_moves() -> None:
+    """A triangle of rigid links is fixed and loaded; a beam next to it relaxes without load."""
     body = {"geometry": h.line(0.1), "element": h.element("reissner3", 1), "material": material(ZENER),
             "section": {"height": 0.003, "width": 0.006}}
     ends = {"c": [-0.229, 0.028], "d": [-0.071, -0.039]}

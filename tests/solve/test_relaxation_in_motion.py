@@ -1,4 +1,4 @@
-"""Motions of materials that relax: order, energy and resumed runs, beside closed forms of linear viscoelasticity."""
+"""Motions of materials that relax: order, energy and resumed runs, compared with closed forms of viscoelasticity."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def exact_motion(t: float, terms: tuple[tuple[float, float], ...], omega: np.nda
     [("generalized_alpha", (150, 300), 2), ("newmark", (150, 300), 2), ("radau5", (30, 60), 5), ("radau9", (5, 8), 9)],
     ["generalized_alpha", "radau9"]))
 def test_motions_keep_the_order_of_their_steps(method: str, steps: tuple[int, int], order: int) -> None:
-    """A clamped beam of rubber under a sudden force, beside all of its modes: the error falls as h to the order."""
+    """A clamped rubber beam under a sudden force, compared with all its modes: the error falls as h to the order."""
     terms = ((0.5, 0.05), (0.3, 0.5))
     body = {"geometry": h.line(LENGTH), "element": h.element("cable", 1), "material": material(terms),
             "section": {"height": SIZE, "width": SIZE}}
@@ -59,7 +59,7 @@ def test_motions_keep_the_order_of_their_steps(method: str, steps: tuple[int, in
     assert abs(found - order) < 0.25 * order
 
 
-def test_other_methods_refuse_what_relaxes() -> None:
+def test_other_methods_refuse_relaxing_materials() -> None:
     body = {"geometry": h.line(LENGTH), "element": h.element("cable", 1), "material": material(ZENER),
             "section": {"height": SIZE, "width": SIZE}}
     with pytest.raises(CaseError) as refused:
@@ -71,7 +71,7 @@ def test_other_methods_refuse_what_relaxes() -> None:
 
 
 def swing(dt: float, interval: float) -> Any:
-    """Return the motion of a pendulum of rubber, soft enough to bend, beside a bar that could yield."""
+    """Return the motion of a rubber pendulum, soft enough to bend, next to a bar that could yield."""
     rod = {"geometry": h.line(0.1), "element": h.element("cable", 1), "section": {"height": SIZE, "width": SIZE},
            "material": {"E": E, "rho": 1000, "nu": 0.3, "yield": 1e9}}
     rubber = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 1), "material": material(ZENER),
@@ -85,7 +85,7 @@ def swing(dt: float, interval: float) -> Any:
 
 @pytest.mark.slow
 def test_a_swing_of_rubber_balances_its_energy_to_the_order_of_the_stages() -> None:
-    """What internal strains take is summed over the stages; states between them are those of their polynomials."""
+    """The dissipation of internal strains is summed over the stages; states in between follow their polynomials."""
     between, ends, fine = swing(2.5e-3, 6.25e-4), swing(2.5e-3, 0.01), swing(6.25e-4, 6.25e-4)
     strain = between.energies["strain"]
     np.testing.assert_array_equal(strain[::16], ends.energies["strain"])
@@ -96,7 +96,7 @@ def test_a_swing_of_rubber_balances_its_energy_to_the_order_of_the_stages() -> N
 
 
 def test_springs_of_a_stretched_bar_give_their_energy_to_their_dashpots() -> None:
-    """Of a strain e that is held, E e^2/2 (1 + sum g exp(-2 t/tau)) is stored; in motion what is lost never falls.
+    """A constant strain e stores E e^2/2 (1 + sum g exp(-2 t/tau)); in motion dissipation never falls.
 
     The first steps, which do not resolve the fastest vibrations, are off by the error of the stages.
     """
@@ -113,7 +113,7 @@ def test_springs_of_a_stretched_bar_give_their_energy_to_their_dashpots() -> Non
                                     {"method": "generalized_alpha", "tolerance": 1e-4}],
                          ids=["radau5", "radau5-dt", "generalized_alpha"])
 def test_a_resumed_motion_of_rubber_is_the_same_to_the_last_bit(solver: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fixed steps of Radau's method go on with a tangent of internal strains that were before."""
+    """Fixed steps of Radau's method continue with the earlier tangent of internal strains."""
     body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 1), "material": material(ZENER),
             "section": {"height": SIZE, "width": SIZE}}
     loaded = h.load({"rubber": body}, {"type": "dynamic", "t_end": 0.1, **solver}, output={"interval": 2e-3},
@@ -129,7 +129,7 @@ def test_a_resumed_motion_of_rubber_is_the_same_to_the_last_bit(solver: Any, mon
 
 
 def cycled() -> list[dict[str, Any]]:
-    """Return what holds a bar of unit length at one end and moves its other one to and fro."""
+    """Return the force at the fixed end of a bar of unit length whose other end oscillates."""
     move = {"type": "sine", "frequency": CYCLE["hz"], "scale": CYCLE["strain"]}
     return [{"type": "clamp", "at": "beam@0"}, {"type": "prescribed", "at": "beam@1", "name": "end", "ux": move,
                                                 "uy": 0, "angle": 0}]
@@ -161,7 +161,7 @@ def test_a_cycle_of_motion_loses_the_energy_of_the_loss_modulus(kind: tuple[str,
 
 
 def test_the_balance_of_energy_of_a_beam_that_bends_is_of_second_order() -> None:
-    """Two strains in each section and two points to each, beside the bar's one above."""
+    """Two strains in each section with two points each, in contrast to the bar above with one."""
     body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 2), "material": material(CYCLE["terms"]),
             "section": {"height": SIZE, "width": SIZE}}
 

@@ -1,4 +1,4 @@
-"""Small motions of materials that relax: modes, responses and linear models beside matrices and closed forms."""
+"""Small motions of materials that relax: modes, responses and linear models, against matrices and closed forms."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SECTION = {"height": SIZE, "width": SIZE}
 
 
 def scene(*bodies: Any, **more: Any) -> dict[str, Any]:
-    """Return a chain of beams of these materials, clamped where ``base`` shakes it, with a load of each sort."""
+    """Return a chain of beams of these materials, clamped where ``base`` shakes it, with a load of each kind."""
     names = [f"b{k}" for k in range(len(bodies))]
     case: dict[str, Any] = {
         "bodies": {name: {"geometry": {"type": "line", "start": [k, 0], "end": [k + 1, 0]}, "section": SECTION,
@@ -58,7 +58,7 @@ def linear_model(case: dict[str, Any], inputs: list[str], about: str) -> tuple[l
 
 @pytest.mark.parametrize("terms", TERMS.values(), ids=TERMS)
 def test_a_shaken_and_heated_beam_responds_with_the_complex_modulus(terms: tuple[tuple[float, float], ...]) -> None:
-    """Of one material with K -> K e(s): shaking is inertia in the moving frame, what strains it is e(s) times a force.
+    """For one material, K -> K e(s): shaking is inertia in the moving frame, eigenstrains are e(s) times a force.
 
     M r is that of the rigid translation r, K and M those of the elastic beam.
     """
@@ -91,7 +91,7 @@ def test_a_range_of_frequencies_has_the_responses_of_each() -> None:
 
 
 def expanded(model: Any, z: np.ndarray) -> np.ndarray:
-    """Return the complex motion of all coordinates that unknowns z (n,) make."""
+    """Return the complex motion of all coordinates for unknowns z (n,)."""
     parts = np.zeros((2, len(model.numbering.place)))
     for part, one in zip(parts, (z.real, z.imag), strict=True):
         model.numbering.expand(np.ascontiguousarray(one), part)
@@ -107,7 +107,7 @@ DASHPOT = {"type": "translational", "between": ["b0@1", [1, 1]], "stiffness": 0.
 @pytest.mark.slow_rows("two-True")
 @h.covering(kind=RUBBERS, jet=[False, True])
 def test_a_linear_model_has_the_dashpots_among_its_states(kind: str, jet: bool) -> None:
-    """Beside the responses of all unknowns: what is left out shrinks with the modes, and nothing at rest."""
+    """Compared with the responses of all unknowns: the truncation shrinks with the modes, and vanishes at rest."""
     more = {"loads": [*scene(material(()))["loads"], JET]} if jet else {}
     case = scene(*RUBBERS[kind], springs=[DASHPOT], **more)
     if len(RUBBERS[kind]) == 2:
@@ -126,7 +126,7 @@ def test_a_linear_model_has_the_dashpots_among_its_states(kind: str, jet: bool) 
 
 
 @pytest.mark.parametrize("kind", ["cable", "vallejo"])
-def test_a_linear_model_follows_an_angle_that_a_multiplier_keeps(kind: str) -> None:
+def test_a_linear_model_follows_an_angle_prescribed_by_a_multiplier(kind: str) -> None:
     turned = {"type": "prescribed", "at": "b0@0", "name": "base", "ux": 0, "uy": 0, "angle": 0.3}
     spring = {"type": "translational", "between": ["b0@1", [1, 1]], "stiffness": 3 * E * SIZE**4 / 12}
     case = scene(material(PRONY), boundary_conditions=[turned], springs=[spring])
@@ -138,7 +138,7 @@ def test_a_linear_model_follows_an_angle_that_a_multiplier_keeps(kind: str) -> N
         np.testing.assert_allclose(transfer(system, 2j * np.pi * f)[0], row, rtol=1e-4)
 
 
-def test_what_nothing_holds_relaxes_beside_its_rigid_motions() -> None:
+def test_free_bodies_relax_in_addition_to_rigid_motions() -> None:
     case = scene(material(ZENER), boundary_conditions=[])
     system, done = linear_model(case, ["push", "heat"], "reference")
     # three motions with two eigenvalues each, which round-off may make a pair of
@@ -152,7 +152,7 @@ def test_what_nothing_holds_relaxes_beside_its_rigid_motions() -> None:
 @pytest.mark.slow_rows("one of two-jet")
 @h.covering(kind=RUBBERS, with_=["nothing", "dashpot", "jet", "spin"])
 def test_eigenvalues_solve_the_problem_of_all_unknowns(kind: str, with_: str) -> None:
-    """det T(s) = 0: the smallest singular value of T(s) at each s beside that at 1.001 s."""
+    """det T(s) = 0: the smallest singular value of T(s) at each s, compared with that at 1.001 s."""
     more: dict[str, Any] = {"nothing": {}, "dashpot": {"springs": [DASHPOT]}, "jet": {},
                             "spin": {"steady_rotation": {"omega": 2.0}}}[with_]
     case = scene(*RUBBERS[kind], **more)
@@ -205,8 +205,8 @@ def test_section_forces_are_those_of_the_complex_modulus(kind: tuple[str, str | 
     assert abs(held[0] / (complex_modulus(2j * np.pi * slow, PRONY) * held[1]) - 1.0) < 1e-6
 
 
-def test_no_eigenvalue_is_sought_where_the_stiffness_has_no_limit() -> None:
-    """At s = -1/tau, the pole of E(s), Newton's method ends with nothing found."""
+def test_no_eigenvalue_is_found_at_the_pole_of_the_stiffness() -> None:
+    """At s = -1/tau, the pole of E(s), Newton's method ends without a result."""
     (_, tau), = ZENER
     model = build_model(h.load({"beam": {
         "geometry": h.line(1.0), "element": h.element("reissner3", 2), "material": material(ZENER),
@@ -215,8 +215,8 @@ def test_no_eigenvalue_is_sought_where_the_stiffness_has_no_limit() -> None:
     assert corrected(problem, complex(-1.0 / tau), np.ones(problem.n, dtype=complex))[2] == 1.0
 
 
-def test_a_free_beam_that_relaxes_has_three_rigid_modes() -> None:
-    """Asked for as many, there is no other shape whose relaxation is sought."""
+def test_a_free_relaxing_beam_has_three_rigid_modes() -> None:
+    """With three requested, there is no other shape to relax."""
     found = ancf2d.solve(h.load({"beam": {
         "geometry": h.line(1.0), "element": h.element("reissner3", 2), "material": material(ZENER),
         "section": {"height": SIZE, "width": SIZE}}}, {"type": "eigen", "modes": 3}),
@@ -226,7 +226,7 @@ def test_a_free_beam_that_relaxes_has_three_rigid_modes() -> None:
 
 @pytest.mark.parametrize("terms", [ZENER, PRONY, ((2.0, 1e-2), (0.1, 1e-3))], ids=["zener", "prony", "strong"])
 def test_receptances_have_the_complex_modulus(terms: tuple[tuple[float, float], ...]) -> None:
-    """Of a beam of one material, H(omega) = sum_k phi_k^2/(omega_k^2 E(i omega)/E - omega^2) over its elastic modes."""
+    """For one material, H(omega) = sum_k phi_k^2/(omega_k^2 E(i omega)/E - omega^2) over its elastic modes."""
     shake = [{"type": "force", "at": "beam@1", "value": [0, 1.0], "name": "shaker"}]
     hz = [0.1, 1.0, 2.5, 10.0, 40.0]
     body = {"geometry": h.line(LENGTH), "element": h.element("cable", 2), "material": material(terms),

@@ -1,4 +1,4 @@
-"""Meshes that are too coarse say so, by about how much, and others do not: beside the limits of the same elements."""
+"""Warnings of meshes that are too coarse, with their error, compared with the limits of the same elements."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def cantilever(name: str, count: int, solver: Any, **scene: Any) -> LoadedCase:
 
 
 @helpers.covering({"name": helpers.FEW_TYPES}, name=helpers.SMALL_TYPES, solver=["linear_static", "static"])
-def test_the_deflection_of_a_cantilever_is_off_by_what_is_said(name: str, solver: str) -> None:
-    """Its section forces are determinate: what is said is the error, within what is nonlinear."""
+def test_the_warning_has_the_error_of_a_deflection(name: str, solver: str) -> None:
+    """A cantilever has determinate section forces: the reported error is the error, up to nonlinear effects."""
     def tip(count: int) -> tuple[float, list[str]]:
         outcome = run_case(cantilever(name, count, solver, loads=TIP))
         return outcome.summary["probes"]["tip"]["uy"], said(outcome)
@@ -47,7 +47,7 @@ def test_the_deflection_of_a_cantilever_is_off_by_what_is_said(name: str, solver
 
 
 @helpers.every_small_type
-def test_frequencies_of_a_cantilever_are_off_by_what_is_said(name: str) -> None:
+def test_the_warning_has_the_error_of_frequencies(name: str) -> None:
     def second(count: int) -> tuple[float | None, list[str]]:
         outcome = run_case(cantilever(name, count, {"type": "eigen", "modes": 4}))
         bending = [f["omega"] for f in outcome.summary["frequencies"] if (f["kind"], f["number"]) == ("bending", 2)]
@@ -66,8 +66,8 @@ def test_frequencies_of_a_cantilever_are_off_by_what_is_said(name: str) -> None:
             assert error == pytest.approx(float(found[1]) / 100, rel=0.35)
 
 
-def test_damped_modes_are_judged_as_undamped_ones_are() -> None:
-    """Kelvin-Voigt damping has the same shapes, however large; omega is that of damped vibration."""
+def test_damped_modes_are_judged_like_undamped_ones() -> None:
+    """Kelvin-Voigt damping of any size has the same shapes; omega is that of damped vibration."""
     def warnings(tau: float) -> list[str]:
         material = {**helpers.STEEL, "damping": {"kelvin_voigt": tau}}
         body = helpers.body(helpers.line(2.0), helpers.element("reissner2", 4), SECTION, material)
@@ -79,7 +79,7 @@ def test_damped_modes_are_judged_as_undamped_ones_are() -> None:
 
 
 def cable(count: int) -> Outcome:
-    """A steel cable, drawn together by a tenth of its length in its own weight, of straight elements."""
+    """A steel cable whose ends approach by a tenth of its length, under its own weight, of straight elements."""
     body = helpers.body(helpers.line(10.0), helpers.element("reissner2", count), {"height": 0.005, "width": 0.005},
                         helpers.STEEL)
     ends = [{"type": "pin", "at": "b@0"},
@@ -89,7 +89,7 @@ def cable(count: int) -> Outcome:
 
 
 def test_a_cable_in_tension_may_have_straight_elements() -> None:
-    """Their bending moments are far from those of equilibrium, but the shape is not: tension makes it."""
+    """Their bending moments are far from equilibrium, but the shape is not: tension determines it."""
     coarse, fine = cable(8), cable(64)
     assert coarse.summary["probes"]["p"]["uy"] == pytest.approx(fine.summary["probes"]["p"]["uy"], rel=0.02)
     assert not said(coarse)
@@ -118,7 +118,7 @@ def whip(count: int) -> Outcome:
 
 
 @pytest.mark.slow
-def test_a_whip_whose_mesh_does_not_follow_it_says_so_beside_a_small_error_of_its_steps() -> None:
+def test_a_whip_on_a_coarse_mesh_gives_a_warning_despite_a_small_error_of_its_steps() -> None:
     coarse, fine, limit = (whip(count) for count in (8, 32, 64))
     tip = [(o.summary["probes"]["tip"]["x"], o.summary["probes"]["tip"]["y"]) for o in (coarse, fine, limit)]
     assert abs(complex(*tip[0]) - complex(*tip[2])) > 0.03
@@ -131,8 +131,8 @@ def test_a_whip_whose_mesh_does_not_follow_it_says_so_beside_a_small_error_of_it
 
 
 @pytest.mark.parametrize("angle", ["0.4*t", "3*t"])
-def test_what_is_moved_without_strain_is_not_judged(angle: str) -> None:
-    """Strains of a body that is only turned are round-off, however they compare with section forces."""
+def test_rigidly_moved_bodies_are_not_judged(angle: str) -> None:
+    """Strains of a body that only rotates are round-off, whatever its section forces."""
     body = helpers.body(helpers.line(1.0), helpers.element("2d3n", 2), {"height": 0.01, "width": 0.01}, helpers.STEEL)
     turn = {"type": "expression", "value": angle}
     outcome = run_case(helpers.load({"b": body}, "static", bc=[
@@ -146,7 +146,7 @@ def buckled(count: int) -> tuple[float, list[str]]:
     return outcome.summary["load_factors"][0], said(outcome)
 
 
-def test_a_mesh_that_makes_a_column_too_stiff_against_buckling_says_so() -> None:
+def test_a_coarse_mesh_that_raises_a_buckling_load_gives_a_warning() -> None:
     (coarse, told), (fine, silent), (limit, _) = (buckled(count) for count in (2, 16, 64))
     assert coarse / limit - 1.0 > 0.08
     assert "load factors" in told[0]
@@ -155,8 +155,8 @@ def test_a_mesh_that_makes_a_column_too_stiff_against_buckling_says_so() -> None
 
 
 @pytest.mark.parametrize("force", [-2e4, 1e6])
-def test_modes_about_a_static_state_are_off_by_what_is_said(force: float) -> None:
-    """Compressed and pulled: tension makes a part of the stiffness, which the mesh follows."""
+def test_the_warning_has_the_error_of_modes_about_a_static_state(force: float) -> None:
+    """In compression and tension: tension provides a part of the stiffness, which the mesh resolves."""
     def second(count: int) -> tuple[float, list[str]]:
         loads = [{"type": "force", "at": "b@1", "value": [force, 0]}]
         outcome = run_case(cantilever("reissner2", count, {"type": "eigen", "modes": 2, "about": "static"},
@@ -170,7 +170,7 @@ def test_modes_about_a_static_state_are_off_by_what_is_said(force: float) -> Non
     assert not silent
 
 
-def test_a_coarse_body_beside_one_of_very_many_elements_says_so() -> None:
+def test_a_coarse_body_next_to_one_of_very_many_elements_gives_a_warning() -> None:
     def warnings(count: int) -> list[str]:
         bodies = {name: helpers.body(helpers.line(2.0), helpers.element("reissner2", n), SECTION, helpers.STEEL)
                   for name, n in (("b", count), ("c", 20_000))}
@@ -181,8 +181,8 @@ def test_a_coarse_body_beside_one_of_very_many_elements_says_so() -> None:
     assert not warnings(8)
 
 
-def test_a_sample_of_very_many_bodies_says_the_same_as_one_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Cantilevers that are all alike, of which 50 are looked at, and one alone."""
+def test_a_sample_of_very_many_bodies_gives_the_same_as_one_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Identical cantilevers, of which 50 are examined, and one alone."""
     looked = []
     energies = resolution._Body.energies
     monkeypatch.setattr(resolution._Body, "energies", lambda *given: looked.append(1) or energies(*given))
@@ -214,7 +214,7 @@ def test_a_short_body_whose_sections_stay_straight_is_judged() -> None:
     ({"type": "vallejo"}, {"viscoelastic": [{"modulus": 0.5, "time": 0.1}]}),
     ({"type": "cable", "formulation": "green"}, {})], ids=["hyperelastic", "relaxing", "green"])
 def test_a_bar_whose_uniform_strain_is_large_is_not_judged_by_a_linear_law(element: Any, material: Any) -> None:
-    """Its energy is that of a linear law to the order of the strain alone, on a mesh that is fine enough."""
+    """Its energy is that of a linear law only to the order of the strain, on a sufficiently fine mesh."""
     body = helpers.body(helpers.line(1.0), {**element, "count": 4}, SECTION, {"E": 1e6, "nu": 0.3, **material})
     case = helpers.load({"b": body}, {"type": "quasi_static", "t_end": 1.0}, bc=[{"type": "clamp", "at": "b@0"}],
                         loads=[{"type": "force", "at": "b@1", "value": [3000, 0]}], output={"probes": {"tip": "b@1"}})
@@ -234,8 +234,8 @@ def test_a_rubber_bar_at_any_stretch_is_not_judged_by_a_linear_law(stretch: floa
 
 
 @pytest.mark.parametrize("solver", ["linear_static", "static"])
-def test_natural_strains_that_bodies_follow_freely_are_not_judged_by_the_stress_they_leave(solver: str) -> None:
-    """A bar whose temperature changes bends without section forces, to 3 % of where a fine mesh has it."""
+def test_free_natural_strains_are_not_judged_by_residual_stress(solver: str) -> None:
+    """A bar with a change of temperature bends without section forces, to 3 % of the fine mesh."""
     def tip(count: int) -> tuple[Any, list[str]]:
         curve = {"type": "spline", "points": [[0, 0], [1, 0.3], [2, 0], [3, -0.2]]}
         body = helpers.body(curve, helpers.element("vallejo", count), {"height": 0.05, "width": 0.05},
@@ -274,12 +274,12 @@ def strip(name: str, solver: dict[str, Any], count: int = 6, bodies: int = 1, li
 @pytest.mark.parametrize("bodies", [1, 2])
 @pytest.mark.parametrize("name", ["reissner2", "vallejo"])
 @pytest.mark.parametrize("solver", [{"type": "static"}, {"type": "dynamic", "t_end": 0.02, "dt": 1e-3}])
-def test_what_only_lies_is_not_said_to_be_too_coarse(solver: dict[str, Any], name: str, bodies: int) -> None:
-    """Nothing bends: forces at the nodes stand for the pressure between them, which is the weight there."""
+def test_bodies_that_only_lie_are_not_called_too_coarse(solver: dict[str, Any], name: str, bodies: int) -> None:
+    """No bending: forces at nodes represent the pressure between them, which is the weight."""
     assert said(run_case(strip(name, solver, bodies=bodies))) == []
 
 
-def test_what_is_lifted_from_where_it_lies_is_still_judged() -> None:
+def test_lifted_bodies_are_still_judged() -> None:
     def tip(count: int) -> tuple[float, list[str]]:
         outcome = run_case(strip("reissner2", {"type": "static"}, count, lift=2.0))
         return outcome.summary["probes"]["tip"]["uy"], said(outcome)
@@ -293,8 +293,8 @@ def test_what_is_lifted_from_where_it_lies_is_still_judged() -> None:
 
 @pytest.mark.parametrize(("kind", "count", "told"), [("cable", 32, False), ("cable", 64, False),
                                                     ("reissner2", 1, True)])
-def test_a_body_that_stays_bent_is_not_judged_by_the_stress_that_is_left(kind: str, count: int, told: bool) -> None:
-    """Let go beyond yield, it bears no section forces; what its elements store then is far below what bent it."""
+def test_a_plastically_bent_body_is_not_judged_by_residual_stress(kind: str, count: int, told: bool) -> None:
+    """Unloaded after yielding, it has no section forces; the stored energy is far below the work that bent it."""
     amplitude = {"type": "table", "t": [0, 0.5, 1], "value": [0, 1, 0 if count > 1 else 1]}
     body = helpers.body(helpers.line(1.0), helpers.element(kind, count), {"height": 0.02, "width": 0.02},
                         {"E": 2e11, "nu": 0.3, "yield": 2.5e8, "hardening": {"kinematic": 1e10}})

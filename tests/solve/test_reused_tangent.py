@@ -1,4 +1,4 @@
-"""A tangent of Radau's stages serves many steps, turned with the sections: to the same motion, and for less work."""
+"""A tangent of Radau's stages serves many steps, rotated with the sections: the same motion for less work."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ TURN = 2 * np.pi
 
 
 def spinning(name: str, **material: float) -> dict[str, Any]:
-    """Return a rod about its pinned end, a turn a second, under gravity."""
+    """Return a rod about its pinned end, one turn per second, under gravity."""
     return {"bodies": {"a": rod(name, 4, **material)}, "loads": GRAVITY, "bc": [{"type": "pin", "at": "a@0"}],
             "initial": {"bodies": {"a": {"rotation_rate": {"omega": TURN, "about": [0, 0]}}}}}
 
 
 @pytest.mark.parametrize("method", RADAU)
 @pytest.mark.parametrize("name", ["reissner3", "cable", "vallejo"])
-def test_tangents_of_the_past_lead_to_the_same_motion(name: str, method: str) -> None:
-    """With Newton's tolerance both end at the same stages, far from those of other steps."""
+def test_old_tangents_give_the_same_motion(name: str, method: str) -> None:
+    """Within Newton's tolerance both have the same stages, far from those of other steps."""
     held, fresh, other = (ride(spinning(name), 0.2, method=method, dt=dt, newton=newton)
                           for dt, newton in ((2e-3, "reuse"), (2e-3, "full"), (4e-3, "full")))
     assert np.abs(held.end()[0] - fresh.end()[0]).max() < 5e-8
@@ -37,13 +37,13 @@ def test_tangents_of_the_past_lead_to_the_same_motion(name: str, method: str) ->
 @pytest.mark.parametrize("method", RADAU)
 @pytest.mark.parametrize("name", ["reissner3", "cable", "vallejo"])
 def test_a_tangent_serves_while_the_rod_turns(name: str, method: str) -> None:
-    """A rod that hardly deforms: hundredths of a turn a step, and one tangent for a good part of a turn."""
+    """A nearly rigid rod: hundredths of a turn per step, and one tangent for a good part of a turn."""
     whole = ride(spinning(name, E=2e9), 1.0, method=method, dt=5e-3)
     assert whole.stepper.w.counts[TANGENTS] < 200 / 5
 
 
-def test_a_tangent_is_given_up_where_a_step_costs_more_than_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The mean cost of m steps with one tangent is at its least where the next step costs more than it."""
+def test_a_tangent_is_replaced_when_a_step_costs_more_than_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The mean cost of m steps with one tangent is minimal where the next step costs more than the mean."""
     monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
     trip = Ride(spinning("reissner3"), 0.2, method="radau5", dt=2e-3, every=1).start()
     trip.stepper._adapt_chunk = lambda *_: None  # type: ignore[method-assign]
@@ -61,7 +61,7 @@ def test_a_tangent_is_given_up_where_a_step_costs_more_than_the_mean(monkeypatch
 
 
 @pytest.mark.parametrize("method", RADAU)
-def test_a_motion_that_is_resumed_has_the_tangent_that_it_had(monkeypatch: pytest.MonkeyPatch, method: str) -> None:
+def test_a_resumed_motion_has_its_earlier_tangent(monkeypatch: pytest.MonkeyPatch, method: str) -> None:
     monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
     scene = spinning("reissner3", E=2e9)
     one, two = (Ride(scene, 0.3, method=method, dt=5e-3, every=1).start() for _ in range(2))

@@ -1,4 +1,4 @@
-"""Rigid levers and cranks and sliders in equilibrium, against calculation by hand."""
+"""Rigid levers, cranks and sliders in equilibrium, compared with calculations by hand."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_a_lever_on_a_spring_balances_moments_in_large_rotation():
 
 @pytest.mark.parametrize("name", ["vallejo", "cable", "reissner3", "omar", "2d3n-nu"])
 def test_a_rigid_arm_on_a_beam_bends_it_by_its_moment(name):
-    """Linear theory: slope M L/EI and deflection M L^2/(2 EI) at the tip, and the arm turns with the beam's section."""
+    """Linear theory: slope M L/EI and deflection M L^2/(2 EI) at the tip; the arm rotates with the beam's section."""
     arm = rigid(helpers.line(0.5, np.pi / 2, (1.0, 0.0)))
     sol = helpers.solved({"beam": beam(helpers.line(1.0), name), "arm": arm}, "linear_static",
                          bc=[{"name": "wall", "type": "clamp", "at": "beam@0"}],
@@ -58,7 +58,7 @@ def test_a_rigid_arm_on_a_beam_bends_it_by_its_moment(name):
 
 
 def test_a_bent_rigid_body_keeps_its_angle():
-    """A beam whose tip carries a rigid elbow: what the elbow's end does is what its start does, carried along."""
+    """A beam whose tip carries a rigid elbow: the elbow's end moves rigidly with its start."""
     elbow = rigid({"type": "polyline", "points": [[1, 0], [1.5, 0], [1.5, 0.7]]})
     sol = helpers.solved({"beam": beam(helpers.line(1.0)), "elbow": elbow}, bc=[{"type": "clamp", "at": "beam@0"}],
                          joints=[{"type": "weld", "between": ["beam@1", "elbow@0"]}],
@@ -90,8 +90,8 @@ def test_a_rigid_crank_drives_a_slider_by_its_prescribed_angle():
 
 
 @pytest.mark.parametrize("name", helpers.KINDS.values())
-def test_a_beam_on_an_inclined_slider_is_pushed_along_the_line_only(name):
-    """The slider's force is normal to its line: a cantilever bent by F has slider force in the ratio of stiffnesses."""
+def test_a_beam_on_an_inclined_slider_moves_only_along_the_line(name):
+    """The slider's force is normal to its line: with a cantilever under F, it follows from the ratio of stiffnesses."""
     load = {"type": "force", "at": "beam@1", "value": [0.0, -100.0]}
     sol = helpers.solved({"beam": beam(helpers.line(1.0), name)}, "linear_static",
                          bc=[{"name": "wall", "type": "clamp", "at": "beam@0"}],
@@ -104,8 +104,8 @@ def test_a_beam_on_an_inclined_slider_is_pushed_along_the_line_only(name):
 
 @pytest.mark.slow_rows("follower_force")
 @pytest.mark.parametrize("kind", ["force", "follower_force"])
-def test_a_wide_net_of_rigid_bars_is_solved_too(kind):
-    """Bars that join far nodes make the band wide; a follower load asks for sparse factors with row exchanges."""
+def test_a_wide_net_of_rigid_bars(kind):
+    """Bars between distant nodes make the band wide; a follower load needs sparse factors with row exchanges."""
     bodies, n = {"beam": beam(helpers.line(1.0), count=60)}, 30
     joints, springs = [], []
     for k in range(n):
@@ -128,7 +128,7 @@ def test_a_wide_net_of_rigid_bars_is_solved_too(kind):
     assert abs(sol.theta("bar7@0")) > 1e-3
 
 
-def test_sparse_factors_exchange_rows_for_large_pivots_where_they_are_told_to():
+def test_sparse_factors_exchange_rows_on_request():
     matrix = GeneralSparse(2, np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1]), exchange=True)
     matrix.values[:] = [1e-17, 1.0, 1.0, 1e-17]
     assert matrix.factor().bad == -1
@@ -136,8 +136,8 @@ def test_sparse_factors_exchange_rows_for_large_pivots_where_they_are_told_to():
 
 
 @pytest.mark.parametrize("solver", ["linear_static", "static"])
-def test_what_a_held_rigid_bar_carries_is_known(solver):
-    """The bar of each random scene stands still: the clamp has the force and its moment, and nothing else."""
+def test_the_reactions_of_a_clamped_rigid_bar(solver):
+    """The bar of each random scene is at rest: the clamp has the force and its moment, and nothing else."""
     rng = np.random.default_rng(5)
     for _ in range(20):
         p, q, F = rng.normal(size=2), rng.normal(size=2), rng.normal(size=2) * 10 ** rng.uniform(-3, 6)
@@ -153,7 +153,7 @@ def test_what_a_held_rigid_bar_carries_is_known(solver):
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("solver", ["linear_static", "static"])
-def test_rigid_bars_alone_carry_what_balance_says(solver, size):
+def test_forces_of_rigid_bars_follow_from_balance(solver, size):
     """Two bars between two pins on the ground and a loaded one: no stiffness anywhere, forces along the bars."""
     feet, top = size * np.array([[0.0, 0.0], [2.0, 0.1]]), size * np.array([1.1, 0.7])
     F = np.array([3.0, 4.0])
@@ -170,7 +170,7 @@ def test_rigid_bars_alone_carry_what_balance_says(solver, size):
 
 
 def test_a_rigid_column_on_a_torsion_spring_buckles_at_spring_over_length():
-    """Without row exchanges the inertia is known: one negative pivot once the load exceeds k/L = 1.571 of 2 N."""
+    """Inertia without row exchanges: one negative pivot once the load exceeds k/L = 1.571 of 2 N."""
     solver = {"type": "static", "steps": 10}
     hinge = {"type": "rotational", "between": ["bar@0", [0, 0]], "stiffness": 3.1415}
     sol = helpers.solved({"bar": rigid(helpers.line(2.0, 0.7))}, solver, bc=[{"type": "pin", "at": "bar@0"}],
@@ -184,7 +184,7 @@ def test_a_rigid_column_on_a_torsion_spring_buckles_at_spring_over_length():
 
 @helpers.covering(steps=[1, 7, 50], angle=[3.0, -20.0], force=[(0.0, 0.0), (3.0, -4.0)])
 def test_a_rigid_bar_turns_by_its_prescribed_angle_in_any_number_of_steps(steps, angle, force):
-    """Where nothing is loaded, there is neither stiffness nor any force, and round-off is not taken for either."""
+    """Without loads there is neither stiffness nor force, and round-off is not taken for either."""
     length, start = 1e-3, 0.7
     sol = helpers.solved({"bar": rigid(helpers.line(length, start))}, {"type": "static", "steps": steps},
                          bc=[{"name": "p", "type": "pin", "at": "bar@0"},
@@ -198,8 +198,8 @@ def test_a_rigid_bar_turns_by_its_prescribed_angle_in_any_number_of_steps(steps,
 
 
 @pytest.mark.parametrize("other", ["on a spring", "elastic"])
-def test_a_rigid_bar_turns_as_told_beside_a_body_that_rests(other):
-    """No force acts on either: what round-off leaves of the constraints' forces is no imbalance."""
+def test_a_rigid_bar_turns_by_its_prescribed_angle_next_to_a_body_at_rest(other):
+    """No force acts on either: round-off of the constraint forces is not an imbalance."""
     bodies = {"bar": rigid(helpers.line(1.0)), "other": beam(helpers.line(1.0, 0.0, (5.0, 0.0)))}
     springs = []
     if other == "on a spring":
@@ -222,8 +222,8 @@ def rigid_column(load, **solver):
 
 
 @pytest.mark.parametrize("steps", [1, 4, 10])
-def test_steps_pass_a_critical_load_that_they_would_stand_on(steps):
-    """Steps of a quarter and halves of a tenth meet 3/4 of the load exactly; one step passes it at once."""
+def test_steps_avoid_a_critical_load(steps):
+    """Steps of a quarter and halves of a tenth would end exactly at 3/4 of the load; one step passes it at once."""
     states = rigid_column(4.0, steps=steps).states
     assert min(s.t for s in states if s.history["negative_pivots"] == 1) == pytest.approx(0.75, rel=1e-3)
     assert sum("unstable" in w for s in states for w in s.warnings) == 1
@@ -257,8 +257,8 @@ def test_rigid_columns_on_torsion_springs_buckle_at_the_loads_of_their_stiffness
 
 
 @pytest.mark.parametrize("angle", np.linspace(0, 1.5, 7))
-def test_a_held_rigid_body_beside_a_flexible_one_passes_its_loads_to_its_supports(angle):
-    """Nothing moves, and round-off over a soft spring is no motion: what the supports hold must not follow from it."""
+def test_a_fixed_rigid_body_next_to_a_flexible_one_passes_its_loads_to_its_supports(angle):
+    """Nothing moves, and round-off over a soft spring is not motion: reactions must not follow from it."""
     def at(x, y):
         return [x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle)]
 

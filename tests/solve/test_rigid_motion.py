@@ -1,4 +1,4 @@
-"""Rigid bodies, springs, dampers and turning loads in motion, against closed forms and small systems of equations."""
+"""Rigid bodies, springs, dampers and follower loads in motion, compared with closed forms and small ODE systems."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def rigid(geometry, mass=MASS, inertia=INERTIA):
 
 
 def move(bodies, t_end, method="radau5", dt=None, output=None, **scene):
-    """Return the solution with states every twentieth of the whole."""
+    """Return the solution with states every twentieth of its time."""
     solver = {"type": "dynamic", "t_end": t_end, "dt": dt or t_end / 200, "method": method}
     return helpers.solved(bodies, solver, output=output or {"interval": t_end / 20}, **scene)
 
@@ -101,8 +101,8 @@ def test_a_torsion_spring_with_a_damper_unwinds_through_full_turns(method):
 
 
 @pytest.mark.parametrize(("rate", "rel"), [(0.1, 1e-3), (1.0, 0.02), (10.0, 0.5)])
-def test_dashpots_that_steps_do_not_resolve_take_little_more_than_there_is(rate, rel):
-    """v = v_0 exp(-c t/m): all of m v_0^2/2 is lost, however long steps are beside m/c."""
+def test_unresolved_dashpots_dissipate_little_more_than_the_energy(rate, rel):
+    """v = v_0 exp(-c t/m): m v_0^2/2 is lost in total, for any step length relative to m/c."""
     dt, v0 = 0.1, 2.0
     c = rate * MASS / dt
     sol = move({"b": rigid(helpers.line(LENGTH))}, 40 * dt / min(rate, 1.0), "generalized_alpha", dt=dt,
@@ -112,7 +112,7 @@ def test_dashpots_that_steps_do_not_resolve_take_little_more_than_there_is(rate,
 
 
 def test_two_bodies_on_a_spring_and_damper_swing_about_their_centre():
-    """m_1 m_2/(m_1 + m_2) L'' + c L' + k (L - L_0) = 0; the common centre moves on."""
+    """m_1 m_2/(m_1 + m_2) L'' + c L' + k (L - L_0) = 0; the common centre moves uniformly."""
     bodies = {"a": rigid(helpers.line(1.0), 1.0), "b": rigid(helpers.line(1.0, 0.0, (3.0, 0.0)), 2.0)}
     k, c = 40.0, 1.5
     sol = move(bodies, 2.0, springs=[{"type": "translational", "between": ["a@1", "b@0"], "stiffness": k, "damping": c,
@@ -149,7 +149,7 @@ def test_a_moment_spins_a_free_body_up_and_a_follower_force_turns_with_it(method
 
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "energy_momentum"])
 def test_a_crank_turned_by_a_signal_drives_a_slider_on_its_line(method):
-    """The slider is where geometry puts it, whatever the masses: all constraints are met at every state."""
+    """The slider follows the kinematics, whatever the masses: all constraints are met at every state."""
     knee = (0.3, 0.0)
     bodies = {"crank": rigid(helpers.line(0.3)), "rod": rigid({"type": "line", "start": list(knee), "end": [0.8, 0.0]})}
     turn = {"type": "expression", "value": "4*t^2"}
@@ -168,8 +168,8 @@ def test_a_crank_turned_by_a_signal_drives_a_slider_on_its_line(method):
     assert state.history["kinetic"] == pytest.approx(state.history["work"], rel=5e-2 if "radau" not in method else 1e-3)
 
 
-def test_energy_and_angular_momentum_of_a_free_chain_are_kept_by_discrete_gradients():
-    """Two rigid bars and a beam, welded and on a torsion spring, flying freely: what turns keeps turning."""
+def test_discrete_gradients_conserve_energy_and_angular_momentum_of_a_free_chain():
+    """Two rigid bars and a beam, welded and on a torsion spring, in free flight."""
     end = 1.0 + 0.8 * np.cos(0.4), 0.8 * np.sin(0.4)
     beam = helpers.body(helpers.line(1.0, -0.3, end), helpers.element("cable", 3),
                         {"height": 0.05, "width": 0.05}, {"E": 1e7, "nu": 0.3, "rho": 200.0})
@@ -189,8 +189,8 @@ def test_energy_and_angular_momentum_of_a_free_chain_are_kept_by_discrete_gradie
     assert violation(sol) < 1e-12
 
 
-def test_bars_that_are_held_do_not_move_and_balance_their_load():
-    """Two bars between two pins and their joint, and a clamped one: round-off is no motion and no lost energy."""
+def test_fixed_bars_do_not_move_and_balance_their_load():
+    """Two bars between two pins and their joint, and a clamped one: round-off is neither motion nor lost energy."""
     top, foot = np.array([1.1, 0.7]), np.array([2.0, 0.1])
     bodies = {"a": rigid({"type": "line", "start": [0.0, 0.0], "end": top}),
               "b": rigid({"type": "line", "start": foot, "end": top}), "c": rigid(helpers.line(1.0, 0.3))}

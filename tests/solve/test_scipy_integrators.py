@@ -1,4 +1,4 @@
-"""SciPy's integrators on the equations of motion: convergence, constraints, derivatives, going on, refusals."""
+"""SciPy's integrators on the equations of motion: convergence, constraints, derivatives, resumed runs, refusals."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def stepper(scene, method, t_end=0.2, states=4, every=0, **solver):
 
 
 def moved(scene, method, **how):
-    """Return the model, its stepper at the end and the states on the way."""
+    """Return the model, its stepper at the end and the intermediate states."""
     model, out = stepper(scene, method, **how)
     rows = []
     while not out.done:
@@ -55,7 +55,7 @@ def moved(scene, method, **how):
 
 @cache
 def reference(name):
-    """Return the displacements at the end of a scene, by the tool's own method of order 9."""
+    """Return the displacements at the end of a scene, by ancf2d's method of order 9."""
     model, own, rows = moved({"pendulum": PENDULUM, "arm": ARM}[name], "radau9", tolerance=1e-11)
     return own.full(rows[-1])[0][:model.n_q]
 
@@ -94,7 +94,7 @@ def test_multipliers_are_met_at_every_step(method):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["RK45", "Radau"])
-def test_what_is_gained_and_lost_is_the_work_of_drive_and_dampers(method):
+def test_energy_gained_and_lost_is_the_work_of_drive_and_dampers(method):
     model, own, rows = moved(ARM, method, tolerance=1e-8)
     balance = Balance(model, own)
     for row in rows:
@@ -123,8 +123,8 @@ def test_the_jacobian_is_the_derivative_of_the_rates(scene):
 @pytest.mark.parametrize(("method", "scene", "at"), [
     ("RK45", PENDULUM, "a@1"), *(pytest.param(m, ARM, "b@1", marks=pytest.mark.slow) for m in ("RK45", "DOP853"))],
     ids=["pendulum", "RK45", "DOP853"])
-def test_a_checkpoint_goes_on_bit_for_bit(method, scene, at):
-    """Steps of uneven lengths, a break of the load on the way, and with the arm a damper."""
+def test_a_checkpoint_resumes_bit_for_bit(method, scene, at):
+    """Steps of varying lengths, a break of the load in between, and with the arm a damper."""
     ramp = {"type": "force", "at": at, "value": [0, 40], "amplitude": {"type": "ramp", "t0": 0.03, "t1": 0.11}}
     scene = {**scene, "loads": [*GRAVITY, ramp]}
     _, _, whole = moved(scene, method, tolerance=1e-5, states=12)
@@ -145,13 +145,13 @@ def test_a_checkpoint_goes_on_bit_for_bit(method, scene, at):
         assert (one.work, one.lost) == (other.work, other.lost)
 
 
-def test_methods_that_keep_more_than_can_be_stored_have_no_checkpoint():
+def test_methods_with_inaccessible_state_have_no_checkpoint():
     assert stepper(PENDULUM, "Radau", tolerance=1e-4)[1].checkpoint() is None
 
 
 @pytest.mark.slow_rows("BDF", "Radau")
 @pytest.mark.parametrize("method", SCIPY_METHODS)
-def test_dt_is_the_longest_step_and_errors_are_kept_all_the_same(method):
+def test_dt_is_the_longest_step_and_errors_are_still_controlled(method):
     model, own, rows = moved(PENDULUM, method, dt=0.004)
     log = np.concatenate([r.log for r in rows])
     assert log[:, 2].max() <= 0.004 * (1 + 1e-12)
@@ -160,7 +160,7 @@ def test_dt_is_the_longest_step_and_errors_are_kept_all_the_same(method):
     assert np.max(np.abs(d - reference("pendulum")) * model.weights) < 1e-4
 
 
-def test_every_so_many_steps_a_state():
+def test_a_state_is_stored_after_every_so_many_steps():
     _, _, rows = moved(PENDULUM, "RK45", tolerance=1e-4, every=5)
     numbers = [r.log[-1, 0] for r in rows]
     assert numbers == [5.0 * (k + 1) for k in range(len(rows))]
@@ -180,7 +180,7 @@ def test_steps_end_where_a_load_breaks(method):
     assert rows[-1].z.any()
 
 
-def test_errors_of_steps_are_told():
+def test_errors_of_steps_are_reported():
     _, _, rows = moved(PENDULUM, "RK45", tolerance=1e-5)
     errors = np.concatenate([r.log[:, 5] for r in rows])
     assert np.all(errors > 0.0)
@@ -208,7 +208,7 @@ def test_multistep_methods_refuse_multipliers_by_name(method):
 
 
 @pytest.mark.parametrize("method", SCIPY_METHODS)
-def test_methods_are_accepted_where_nothing_needs_a_multiplier(method):
+def test_methods_are_accepted_without_multipliers(method):
     model, _ = stepper(PENDULUM, method, tolerance=1e-4)
     assert method_problems(model) == []
 

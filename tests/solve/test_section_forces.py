@@ -1,4 +1,4 @@
-"""N, Q and M at any point against statics by hand, and the forces of a steadily turning frame."""
+"""N, Q and M at any point compared with statics by hand, and the forces of a steadily turning frame."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ solver: {type: linear_static}"""
 
 @pytest.mark.parametrize("element", TYPES)
 def test_partial_load_on_a_cantilever(element: str) -> None:
-    """Between the ends of a partial load only what lies beyond the section counts."""
+    """Within a partial load only the part beyond the section counts."""
     rest = """
 boundary_conditions: [{type: clamp, at: beam@0}]
 loads: [{type: distributed, on: beam, value: [0, -300], from: 0.3, to: 0.8}]
@@ -92,7 +92,7 @@ solver: {type: static, steps: 2}"""
 
 @pytest.mark.parametrize("element", ["2d2n", "vallejo", "cable", "reissner3"])
 def test_a_follower_line_load_acts_along_the_axes_of_a_tilted_beam(element: str) -> None:
-    """Seen from the beam, the part beyond the section pulls with p, and bends with q."""
+    """In the beam's axes, the part beyond the section pulls with p, and bends with q."""
     rest = """
 boundary_conditions: [{type: clamp, at: beam@0, hold: section}]
 loads: [{type: distributed, on: beam, value: [200, -300], follower: true}]
@@ -135,7 +135,7 @@ solver: {type: static}"""
 
 @covering(element=TYPES, s=[0.4, 0.5, 0.6, 0.9])
 def test_force_and_moment_between_nodes(element: str, s: float) -> None:
-    """On either side of a force P at a, and of a moment C at b, within one element, M is that of statics."""
+    """On both sides of a force P at a, and of a moment C at b, within one element, M is that of statics."""
     rest = """
 boundary_conditions: [{type: clamp, at: beam@0, hold: section}]
 loads: [{type: force, at: beam@0.45, value: [20, -100]}, {type: moment, at: beam@0.55, value: 30}]
@@ -149,7 +149,7 @@ solver: {type: linear_static}"""
 
 @pytest.mark.parametrize("element", ["vallejo", "cable", "reissner3"])
 def test_a_follower_force_between_nodes_turns_with_its_section(element: str) -> None:
-    """Beyond it nothing acts; before it the force is seen turned by what the beam turns in between."""
+    """Beyond it there is no force; before it the force is rotated by the angle of the beam in between."""
     rest = """
 boundary_conditions: [{type: clamp, at: beam@0, hold: section}]
 loads: [{type: follower_force, at: beam@0.45, value: [0, -4e5]}]
@@ -197,7 +197,7 @@ ATTACHED = {
 
 @covering(element=["vallejo, formulation: structural", "cable", "reissner3"], kind=ATTACHED,
           nodes=["regular", "acting"])
-def test_what_is_attached_between_nodes_acts_where_it_is(element: str, kind: str, nodes: str) -> None:
+def test_items_between_nodes_act_at_their_positions(element: str, kind: str, nodes: str) -> None:
     rest, (N, Q, M) = ATTACHED[kind]
     # the beam has no weight worth the name
     beam = BEAM.replace("rho: 1000", "rho: 1e-9").replace("{rest}", "{rest}\nsolver: {{type: static}}")

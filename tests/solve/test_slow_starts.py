@@ -1,4 +1,4 @@
-"""Motions that begin from nothing, as slowly as t^6: adaptive steps find their way out of rest."""
+"""Motions that start from rest as slowly as t^6: adaptive steps leave the rest."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ def dashpot_root(s: complex, c: float) -> complex:
 
 @pytest.mark.parametrize("element", ["cable, count: 24", "reissner3, count: 64"])
 def test_cantilever_with_a_dashpot_at_its_tip(element: str) -> None:
-    """Roots of the characteristic equation; Krylov's space is complete: the argument principle misses nothing."""
+    """Roots of the characteristic equation; the Krylov space is complete: none is missed by the argument principle."""
     s = eigenvalues(found(DASHPOT.format(c=1), element=element))
     assert len(s) == 4
     np.testing.assert_allclose(s, [dashpot_root(one, 1.0) for one in s], rtol=1e-4)
@@ -108,7 +108,7 @@ def test_cantilever_with_a_dashpot_at_its_tip(element: str) -> None:
 
 @pytest.mark.parametrize("count", [10, 16])
 def test_a_very_short_element_costs_no_pair(count: int) -> None:
-    """Its stiffness in a large space leaves round-off of a per cent in low pairs, or their residuals too large."""
+    """Its stiffness in a large space leaves round-off of one per cent in low pairs, or large residuals."""
     case = yaml.safe_load(DASHPOT.format(c=1))
     case["springs"] += [{"type": "translational", "between": [f"beam@{s}", [0.6, -1]], "stiffness": 1e-9}
                         for s in (0.6, 0.600015)]
@@ -118,7 +118,7 @@ def test_a_very_short_element_costs_no_pair(count: int) -> None:
     assert not summary["warnings"]
 
 
-def test_what_is_overdamped_has_real_eigenvalues_beside_the_pairs() -> None:
+def test_overdamped_motions_have_real_eigenvalues_in_addition_to_pairs() -> None:
     summary = found(DASHPOT.format(c=10), modes=3)
     s = eigenvalues(summary)
     real = s[s.imag == 0]
@@ -144,7 +144,7 @@ def test_kelvin_voigt_and_rayleigh_damping_are_exact_functions_of_undamped_frequ
     assert any("damping has no effect" in w for w in undamped["warnings"])
 
 
-def test_kelvin_voigt_damping_is_as_exact_where_bodies_have_constraints_inside() -> None:
+def test_kelvin_voigt_damping_is_exact_with_constraints_inside_bodies() -> None:
     """A mass divides a cable, whose halves keep one direction by a constraint: its multiplier belongs to no motion."""
     mass = "masses: [{at: beam@0.5, mass: 0.1}]"
     omega, tau = eigenvalues(found(mass)).imag, 2e-3
@@ -156,7 +156,7 @@ def test_kelvin_voigt_damping_is_as_exact_where_bodies_have_constraints_inside()
 
 @pytest.mark.parametrize(("count", "tau", "c", "modes"), [(12, 0.03, 0.5, 2), (12, 0.01, 10, 2), (24, 0.01, 10, 3)])
 def test_the_many_eigenvalues_just_beyond_the_circle_are_not_counted(count, tau, c, modes) -> None:
-    """Of each overdamped motion, one gathers at -1/tau."""
+    """One of each overdamped motion gathers at -1/tau."""
     summary = found(DASHPOT.format(c=c), modes, f"cable, count: {count}",
                     f"material: {{damping: {{kelvin_voigt: {tau}}}}}")
     assert np.abs(eigenvalues(summary)).max() < 1 / tau
@@ -172,8 +172,8 @@ def test_the_many_eigenvalues_within_the_circle_are_counted() -> None:
     assert any(w.startswith(f"{more} more eigenvalues lie among those listed") for w in summary["warnings"])
 
 
-def test_fewer_pairs_than_asked_for_where_the_rest_is_overdamped() -> None:
-    """Kelvin-Voigt: pairs have omega < 2/tau, everything else is real."""
+def test_fewer_pairs_than_requested_if_the_rest_is_overdamped() -> None:
+    """Kelvin-Voigt: pairs have omega < 2/tau, all others are real."""
     tau = 0.04
     omega = eigenvalues(found()).imag
     summary = found(more=f"material: {{damping: {{kelvin_voigt: {tau}}}}}")
@@ -185,7 +185,7 @@ def test_fewer_pairs_than_asked_for_where_the_rest_is_overdamped() -> None:
 
 
 def test_equal_bodies_have_every_pair_twice() -> None:
-    """One random vector has the same part of both: only the count tells that the second one is missing."""
+    """One random vector has the same part of both: only the count shows that the second one is missing."""
     text = CANTILEVER.format(element="cable, count: 24", more="", scene=DASHPOT.format(c=1), modes=8, solver="")
     data = yaml.safe_load(text)
     data["bodies"]["other"] = data["bodies"]["beam"]
@@ -220,7 +220,7 @@ def test_one_overdamped_mode_has_two_real_eigenvalues() -> None:
 
 
 @pytest.mark.parametrize("mixed", [[1, 2], [1j, 2], [1 + 1j, 1 - 1j], [1 + 2j, 3 - 1j]])
-def test_motions_at_rest_are_found_whatever_combinations_of_them_the_modes_are(mixed: list[complex]) -> None:
+def test_motions_with_zero_eigenvalues_are_found_in_any_combination(mixed: list[complex]) -> None:
     """Round-off decides which combinations of two motions with s = 0 the eigenvectors are, and repeats them."""
     small = Linearised(base_state(build_model(load_case_text(json.dumps(SCENE))), "reference"))
     problem = Quadratic(small)
@@ -232,7 +232,7 @@ def test_motions_at_rest_are_found_whatever_combinations_of_them_the_modes_are(m
 
 
 def test_rigid_bodies_and_springs_alone_vibrate() -> None:
-    """A bar on two springs: sqrt(2 k/m), and sqrt(2 k (L/2)^2/J) about its centre; nothing holds it along x."""
+    """A bar on two springs: sqrt(2 k/m), and sqrt(2 k (L/2)^2/J) about its centre; free along x."""
     springs = [{"type": "translational", "between": [f"bar@{end}", [2 * end, -1]], "stiffness": 100}
                for end in (0, 1)]
     summary = ancf2d.solve(bar(springs=springs), states=False).summary
@@ -256,7 +256,7 @@ def test_gravity_alone_holds_a_pendulum() -> None:
 @pytest.mark.parametrize("solver", [
     {"type": "eigen", "modes": 1}, {"type": "frequency_response", "frequencies": [1], "inputs": ["push"]},
     {"type": "state_space", "inputs": ["push"], "outputs": ["end.uy"]}], ids=lambda s: s["type"])
-def test_what_is_held_altogether_does_not_vibrate(solver: dict[str, Any]) -> None:
+def test_fully_fixed_models_do_not_vibrate(solver: dict[str, Any]) -> None:
     push = {"name": "push", "type": "force", "at": "bar@1", "value": [0, 1]}
     with pytest.raises(ancf2d.ComputationError, match="nothing can vibrate"):
         ancf2d.solve(bar(boundary_conditions=[{"type": "clamp", "at": "bar@0"}], loads=[push], solver=solver,
@@ -264,7 +264,7 @@ def test_what_is_held_altogether_does_not_vibrate(solver: dict[str, Any]) -> Non
 
 
 def frame(load: str, table: str) -> dict[str, Any]:
-    """A portal with a dashpot and a branch, whose beam is rigid or not, under a dead or a turning load."""
+    """A portal with a dashpot and a branch, with a rigid or flexible beam, under a dead or a follower load."""
     def member(start: list[float], end: list[float], element: str = "vallejo") -> dict[str, Any]:
         return {"geometry": {"type": "line", "start": start, "end": end},
                 "element": {"type": element} | ({} if element == "rigid" else {"count": 6}),
@@ -299,8 +299,8 @@ def test_pairs_of_frames_are_those_of_all_eigenvalues_at_once(load: str, table: 
 
 
 @pytest.mark.parametrize(("noise", "vectors"), [(0.0, 80), (1e-4, 240), (0.1, MAX_VECTORS + STRIDE)])
-def test_a_search_ends_where_round_off_moves_eigenvalues_for_ever(noise: float, vectors: int) -> None:
-    """Eigenvalues that converge tenfold with every vector more, but for noise: a larger space has no more digits."""
+def test_a_search_ends_when_round_off_keeps_moving_eigenvalues(noise: float, vectors: int) -> None:
+    """Eigenvalues that gain a digit with every vector, except for noise: a larger space has no more digits."""
     random, exact = np.random.default_rng(1), 1j * np.arange(1.0, 11.0)
 
     class Space:
@@ -325,7 +325,7 @@ def test_a_search_ends_where_round_off_moves_eigenvalues_for_ever(noise: float, 
 
 
 def test_rayleighs_alpha_brakes_a_body_by_alpha_times_its_momentum() -> None:
-    """Forces of rates in translation, of 3 kg along 2 m and 0.5 kg at a point: alpha m v, whatever the mesh."""
+    """Rate forces in translation, of 3 kg along 2 m and 0.5 kg at a point: alpha m v, on any mesh."""
     alpha, v = 0.7, np.array([0.3, -1.1])
     case = {"bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [2, 0]},
                                 "element": {"type": "vallejo", "count": 2}, "section": {"height": 0.05, "width": 0.02},

@@ -22,8 +22,7 @@ def leaf(start: float, end: float, y: float, spec: dict[str, Any]) -> dict[str, 
 
 def stack(spec: dict[str, Any], force: float, gap: float, names: tuple[str, ...] = ("low", "up"),
           opposite: bool = False, friction: float = 0.0, **solver: Any) -> dict[str, Any]:
-    """Return leaves of equal length, clamped at the same end or in turn at opposite ones, with a force at the last tip.
-    """
+    """Return leaves of equal length, clamped at one end or at alternate ends, with a force at the last tip."""
     ends = [(1.0, 0.0) if opposite and k % 2 else (0.0, 1.0) for k in range(len(names))]
     return {"bodies": {name: leaf(*ends[k], (k + 0.5) * HEIGHT + k * gap, spec) for k, name in enumerate(names)},
             "boundary_conditions": [{"name": name, "type": "clamp", "at": f"{name}@0"} for name in names],
@@ -50,7 +49,7 @@ def test_a_tip_that_is_squeezed_over_the_end_of_the_other_leaf_rests_on_its_corn
      *product(("reissner3", "vallejo"), (6, 10), (0.0, 1e-4), (2,))],
     [("cable", 4, 1e-4), ("cable", 10, 0.0), ("cable", 8, 0.0, 3)]))
 def test_leaves_that_touch_all_along_bend_alike(name: str, count: int, gap: float, leaves: int) -> None:
-    """Where one cubic lies in another, bodies touch at up to two places between two neighbouring fixed points.
+    """If one cubic lies in another, bodies touch at up to two places between neighbouring fixed points.
 
     Without friction each leaf bears its share of the force, and bends as it does alone.
     """
@@ -66,8 +65,8 @@ def test_leaves_that_touch_all_along_bend_alike(name: str, count: int, gap: floa
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [6, 10])
-def test_leaves_that_rub_on_each_other_far_bent_are_found_and_stiffer(count: int) -> None:
-    """Friction mu P/2 at half a height from the axes takes 3/4 mu h/L off a small deflection, and less off a large."""
+def test_rubbing_leaves_in_large_bending_are_solved_and_stiffer(count: int) -> None:
+    """Friction mu P/2 at half a height from the axes takes 3/4 mu h/L off a small deflection, less off a large one."""
     mu, spec = 0.2, h.element("cable", count)
     smooth, rough = (ancf2d.solve(stack(spec, 5.0, 1e-4, friction=value)) for value in (0.0, mu))
     tips = [found.course["tip"]["uy"][-1] for found in (smooth, rough)]

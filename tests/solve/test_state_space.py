@@ -1,4 +1,4 @@
-"""Linear models of small motions: static gain, transfer functions, steps beside motions, export, control design."""
+"""Linear models of small motions: static gain, transfer functions, step responses, export, control design."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ KINDS = {"loads": scene(), "motion": scene(inputs=["base", "push"]), "follower":
 @pytest.mark.slow_rows("rotating frame")
 @pytest.mark.parametrize("kind", KINDS)
 def test_transfer_functions_are_those_of_all_unknowns(tmp_path: Path, kind: str) -> None:
-    """What is left out shrinks with the square of frequency over that of the first mode that is left out."""
+    """The truncation error shrinks with the squared ratio of frequency to the first neglected mode."""
     case = KINDS[kind]
     _, system = solved(case, tmp_path / "a.h5")
     # the tip and its spring, and 6 bending modes up to 2500 rad/s
@@ -102,7 +102,7 @@ def test_transfer_functions_are_those_of_all_unknowns(tmp_path: Path, kind: str)
 
 @pytest.mark.parametrize("loads", [[], [JET]])
 def test_rates_are_those_of_the_modes(tmp_path: Path, loads: list[dict[str, Any]]) -> None:
-    """They differ from s times the displacements by s times the static response of what is left out, a constant."""
+    """They differ from s times the displacements by s times the static response of neglected modes, a constant."""
     about = "static" if loads else "reference"
     case = scene(outputs=["tip.uy", "mid.theta", "tip.vy", "mid.omega"], loads=loads, about=about, modes=8)
     _, system = solved(case, tmp_path / "a.h5")
@@ -118,7 +118,7 @@ def test_rates_are_those_of_the_modes(tmp_path: Path, loads: list[dict[str, Any]
 @pytest.mark.parametrize("loads", [[], [JET]])
 def test_velocities_under_prescribed_motions_have_the_rate_of_the_motion_as_an_input(
         tmp_path: Path, loads: list[dict[str, Any]]) -> None:
-    """s times the displacement is the column of u plus s times that of u', exactly; both beside all unknowns."""
+    """s times the displacement is the column of u plus s times that of u', exactly; compared with all unknowns."""
     case = scene(outputs=["tip.uy", "mid.theta", "tip.vy", "mid.omega"], inputs=["push", "base"], loads=loads,
                  about="static" if loads else "reference", modes=8)
     summary, system = solved(case, tmp_path / "a.h5")
@@ -133,7 +133,7 @@ def test_velocities_under_prescribed_motions_have_the_rate_of_the_motion_as_an_i
     assert np.abs(rates - wanted).max() < 1e-3 * np.abs(wanted).max()
 
 
-def test_more_modes_leave_out_less(tmp_path: Path) -> None:
+def test_more_modes_have_smaller_errors(tmp_path: Path) -> None:
     errors = []
     for modes in (2, 4, 8):
         case = scene(modes=modes)
@@ -143,7 +143,7 @@ def test_more_modes_leave_out_less(tmp_path: Path) -> None:
     assert errors[2] < errors[1] / 4
 
 
-def test_what_nothing_holds_has_rigid_modes_and_the_rest_of_the_others(tmp_path: Path) -> None:
+def test_free_bodies_have_rigid_modes_and_the_static_rest_of_the_others(tmp_path: Path) -> None:
     case = scene("boundary_conditions", modes=9)
     del case["springs"]
     summary, system = solved(case, tmp_path / "a.h5")
@@ -169,7 +169,7 @@ def test_static_gain_is_that_of_linear_statics(tmp_path: Path, modes: int) -> No
         np.testing.assert_allclose(gain[:, k], wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
 
 
-def test_what_is_no_input_is_told_about_the_reference(tmp_path: Path) -> None:
+def test_other_loads_are_reported_about_the_reference(tmp_path: Path) -> None:
     said = "other than inputs have no effect"
     for names, about, told in ((["push"], "reference", True), (["push"], "static", False),
                                (["push", "base"], "reference", True), (["push", "turn"], "reference", True),
@@ -241,7 +241,7 @@ def test_exports_are_read_by_numpy_and_matlab_and_are_replaced(tmp_path: Path) -
         assert list(found["states"])[5:7] == ["q6", "q1'"]
 
 
-def test_wrong_inputs_and_outputs_are_told() -> None:
+def test_wrong_inputs_and_outputs_are_reported() -> None:
     for solver, said in (
             ({"inputs": ["pus"]}, "there is no load or prescribed motion named 'pus'"),
             ({"outputs": ["tip.uz"]}, "'tip.uz' is not a quantity of a probe"),

@@ -1,4 +1,4 @@
-"""Fields over the bodies against statics by hand, each formulation by its own law, energy against the solver's."""
+"""Fields over the bodies compared with statics by hand, each formulation by its own law, energy with the solver's."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_recovered_stress_of_a_cantilever(name: str, angle: float) -> None:
 
 @pytest.mark.parametrize(("name", "formulation"), [*CONTINUA[:3], ("2d3n-nu", "continuum"), ("li", "enhanced")])
 def test_own_stress_of_a_cantilever(name: str, formulation: str) -> None:
-    """The law of the element gives sigma = -M y/I where the mesh is fine, and Q as the sum of its shear stress."""
+    """The law of the element gives sigma = -M y/I on a fine mesh, and Q as the sum of its shear stress."""
     found, x, y = fields(*cantilever(h.element(name, 8, formulation)))
     middle, scale = slice(2, 6), abs(F) * L * H / 2 / I
     np.testing.assert_allclose(found["stress"][middle, ..., 0], (-F * (L - x) * y / I)[middle], atol=0.09 * scale)
@@ -121,7 +121,7 @@ def test_a_large_rotation_makes_no_stress_and_a_stretch_the_same_in_any_directio
 
 
 def test_damping_adds_its_stress() -> None:
-    """A bar at rest that stretches at a rate: sigma = tau E rate, with the lateral rate free."""
+    """A bar at rest with a rate of strain: sigma = tau E rate, with the lateral rate free."""
     model = h.build({"beam": h.body(h.line(L), h.element("vallejo", 2), SECTION,
                                     {**STEEL, "damping": {"kelvin_voigt": 1e-3}})},
                     {"type": "dynamic", "t_end": 1, "dt": 0.1}, output=EVERY)
@@ -149,7 +149,7 @@ def test_stations_of_a_whole_body_agree_with_single_points() -> None:
             np.testing.assert_allclose(found, whole[ie, k], rtol=1e-9, atol=1e-9)
 
 
-def test_a_force_on_a_middle_node_is_seen_on_both_sides_of_it() -> None:
+def test_section_forces_jump_by_a_force_on_a_middle_node() -> None:
     """Within a three-node element Q jumps at its middle node by the force there."""
     out = h.solved({"b": h.body(h.line(L), h.element("reissner3", 1), SECTION, STEEL)}, "linear_static",
                    bc=[{"type": "pin", "at": "b@0"}, {"type": "roller", "at": "b@1", "fixed": "y"}],

@@ -1,4 +1,4 @@
-"""Supports: what each holds is held, at nodes and between, on inclined bodies and arcs, linear and nonlinear."""
+"""Supports fix exactly their coordinates, at nodes and between, on inclined bodies and arcs, linear and nonlinear."""
 
 import helpers
 import numpy as np
@@ -20,7 +20,7 @@ def scene(name: str, geometry: str, solver: str, bc: list, loads=PUSH, count: in
 
 
 @helpers.covering(name=NAMES, geometry=GEOMETRIES, solver=SOLVERS, s=[0.0, 0.25, 0.37])
-def test_a_clamp_holds_position_and_section(name, geometry, solver, s):
+def test_a_clamp_fixes_position_and_section(name, geometry, solver, s):
     holds = ["all", "section"] + (["breathe"] if helpers.TYPES[name].section_kind == "interpolated" else [])
     for hold in holds:
         out = scene(name, geometry, solver, [{"name": "c", "type": "clamp", "at": f"b@{s}", "hold": hold}])
@@ -34,7 +34,7 @@ def test_a_clamp_holds_position_and_section(name, geometry, solver, s):
 
 
 @pytest.mark.parametrize("name", ["vallejo", "omar", "li", "2d3n"])
-def test_a_full_clamp_holds_every_coordinate_of_its_node_and_section_leaves_the_stretch(name):
+def test_a_full_clamp_fixes_every_coordinate_and_section_leaves_the_stretch_free(name):
     load = [{"type": "force", "at": "b@1", "value": [0.05, 0.1]}]
     for hold, free in (("all", False), ("section", True)):
         out = scene(name, "inclined", "static", [{"type": "clamp", "at": "b@0", "hold": hold}], load)
@@ -43,7 +43,7 @@ def test_a_full_clamp_holds_every_coordinate_of_its_node_and_section_leaves_the_
 
 
 @helpers.covering(name=NAMES, geometry=GEOMETRIES, solver=SOLVERS, s=[0.25, 0.37])
-def test_pins_and_rollers_hold_their_directions_only(name, geometry, solver, s):
+def test_pins_and_rollers_fix_only_their_directions(name, geometry, solver, s):
     bc = [
         {"name": "p", "type": "pin", "at": "b@0"},
         {"name": "n", "type": "roller", "at": f"b@{s}", "normal": [2, -1]},
@@ -64,7 +64,7 @@ def test_pins_and_rollers_hold_their_directions_only(name, geometry, solver, s):
     np.testing.assert_allclose([sum(v[k] for v in r.values()) for k in ("fx", "fy")], [-0.3 * EI, 0.4 * EI], rtol=1e-7)
 
 
-def test_fix_holds_the_named_coordinates():
+def test_fix_fixes_the_named_coordinates():
     bc = [{"type": "fix", "at": "b@0", "coordinates": ["x", "y", "ry_x"]}]
     out = scene("vallejo", "inclined", "static", bc)
     d = out.d[out.point("b@0").dofs()]
@@ -84,7 +84,7 @@ def test_rigid_sections_cannot_breathe():
 
 @pytest.mark.parametrize("spread", ["uniform", "parabolic"])
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_spread_supports_hold_the_weighted_mean_of_the_section(solver, spread):
+def test_spread_supports_fix_the_weighted_mean_of_the_section(solver, spread):
     bc = [
         {"type": "pin", "at": "b@0", "spread": spread},
         {"type": "roller", "at": "b@1", "fixed": "y", "spread": spread},
@@ -111,7 +111,7 @@ def test_prescribed_displacements_are_reached(name, geometry, solver, s):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_prescribed_positions_are_places_not_displacements(name):
+def test_prescribed_positions_are_not_displacements(name):
     x, y = 1.2 * np.cos(0.6), 1.2 * np.sin(0.6)
     bc = [{"type": "clamp", "at": "b@0"}, {"type": "prescribed", "at": "b@1", "x": x - 0.05, "y": y + 0.1}]
     for solver in SOLVERS:
@@ -142,7 +142,7 @@ def test_prescribed_angles_are_reached_and_resisted_by_a_moment(name, geometry, 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_prescribed_angle_of_linear_theory_is_the_linear_rotation(name):
-    """It is met at any size, and what resists it is in proportion."""
+    """It is met at any size, with a proportional reaction."""
     resisted = []
     for angle in (1e-3, 0.5, 1.6, -3.0):
         bc = [{"type": "clamp", "at": "b@0"}, {"name": "m", "type": "prescribed", "at": "b@1", "angle": angle}]
@@ -156,7 +156,7 @@ def test_a_prescribed_angle_of_linear_theory_is_the_linear_rotation(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_body_turned_by_its_support_moves_rigidly(name):
-    """Half a turn about a pin by a prescribed angle: every point goes where a rigid body goes, without stress."""
+    """Half a turn about a pin by a prescribed angle: every point moves rigidly, without stress."""
     bc = [{"name": "p", "type": "pin", "at": "b@0"}, {"name": "m", "type": "prescribed", "at": "b@0", "angle": 3.0}]
     out = scene(name, "inclined", "static", bc, [])
     for s in (0.3, 1.0):
@@ -179,7 +179,7 @@ def test_small_prescribed_motion_is_the_same_in_both_theories(name):
         assert linear.reactions()["m"][k] == pytest.approx(nonlinear.reactions()["m"][k], rel=1e-5)
 
 
-def test_a_motion_that_begins_elsewhere_is_refused():
+def test_a_motion_that_starts_elsewhere_is_refused():
     bc = [
         {"type": "clamp", "at": "b@0"},
         {"name": "far", "type": "prescribed", "at": "b@1", "x": {"type": "constant", "scale": 5.0}},
@@ -201,7 +201,7 @@ def test_amplitudes_drive_prescribed_motion():
 
 @helpers.every_small_type
 def test_the_default_clamp_leaves_the_strains_of_a_clamped_beam_free(name):
-    """With a curvature held at the wall, errors are of the order of an element's share of the length."""
+    """With a curvature fixed at the wall, errors have the order of an element's share of the length."""
     section, material, L = {"height": 0.2, "width": 0.1}, {"E": 1e9, "nu": 0.3, "rho": 1.0}, 2.0
     across = np.array([-np.sin(0.4), np.cos(0.4)])
     errors = []
@@ -217,7 +217,7 @@ def test_the_default_clamp_leaves_the_strains_of_a_clamped_beam_free(name):
     assert errors[1] <= 0.35 * errors[0] + model + 1e-9
 
 
-def test_the_paper_holds_every_coordinate_and_so_does_its_preset():
+def test_the_preset_of_the_paper_fixes_every_coordinate():
     for more, free in (({"preset": "paper"}, False), ({}, True)):
         bodies = {"b": helpers.body(GEOMETRIES["inclined"], helpers.element("omar", 4, **more))}
         out = helpers.solved(bodies, "static", bc=[{"type": "clamp", "at": "b@0"}], loads=PUSH)

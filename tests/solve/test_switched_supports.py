@@ -1,4 +1,4 @@
-"""Supports and joints that begin or end during a motion: what is let go and what is caught, against closed forms."""
+"""Supports and joints that begin or end during a motion: releases and catches, compared with closed forms."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def solve(method: str = "radau5", t_end: float = 1.0, bodies: Any = None, **more
 
 @pytest.mark.slow_rows("energy_momentum-{'to': 0.4}")
 @helpers.covering(method=METHODS, active=[{"to": 0.4}, {"until": "right.theta > 0.8"}])
-def test_a_rod_flies_on_from_the_pin_that_lets_it_go(method: str, active: Any) -> None:
-    """It turns about its end with omega = 2 to t = 0.4; then its centre moves on with the velocity it has there."""
+def test_a_rod_flies_on_when_its_pin_is_released(method: str, active: Any) -> None:
+    """It rotates about its end with omega = 2 to t = 0.4; then its centre continues with its velocity."""
     solved = solve(method, boundary_conditions=[{"name": "pivot", "type": "pin", "at": "rod@0", "active": active}],
                    initial={"rotation_rate": {"omega": 2, "about": [0, 0]}})
     t = solved.course_t
@@ -56,7 +56,7 @@ def test_a_rod_flies_on_from_the_pin_that_lets_it_go(method: str, active: Any) -
 @pytest.mark.parametrize("method", ["DOP853", pytest.param("radau5", marks=pytest.mark.slow),
                                     pytest.param("Radau", marks=pytest.mark.slow)])
 def test_an_event_at_the_end_of_a_step_is_not_missed(method: str) -> None:
-    """Round-off decides whether a step that ends at an event ends just before it or just after it."""
+    """Round-off decides whether such a step ends just before the event or just after it."""
     for angle in np.linspace(0.375, 1.805, 6).tolist():
         pin = {"name": "pivot", "type": "pin", "at": "rod@0", "active": {"until": f"right.theta > {angle!r}"}}
         solved = solve(method, boundary_conditions=[pin], initial={"rotation_rate": {"omega": 2, "about": [0, 0]}})
@@ -65,7 +65,7 @@ def test_an_event_at_the_end_of_a_step_is_not_missed(method: str) -> None:
 
 @helpers.covering(method=METHODS, active=[{"from": 0.35}, {"after": "left.uy > 0.35"}])
 def test_a_pin_that_catches_a_rod_takes_a_quarter_of_its_momentum(method: str, active: Any) -> None:
-    """A rod that moves across with v = 1: omega = 3 v/2 L about its end, 1/8 m v^2 is lost (angular momentum)."""
+    """A rod in translation with v = 1: omega = 3 v/2 L about its end, 1/8 m v^2 is lost (angular momentum)."""
     solved = solve(method, boundary_conditions=[{"name": "hook", "type": "pin", "at": "rod@0", "active": active}],
                    initial={"velocity": [0, 1]})
     t = solved.course_t
@@ -83,8 +83,8 @@ def test_a_pin_that_catches_a_rod_takes_a_quarter_of_its_momentum(method: str, a
 
 @pytest.mark.parametrize(("method", "tolerance", "share"), [
     ("radau5", 1e-7, 1e-4), ("generalized_alpha", 1e-7, 2e-3), ("generalized_alpha", 1e-5, 6e-3)])
-def test_what_strong_damping_takes_after_a_catch_is_counted(method: str, tolerance: float, share: float) -> None:
-    """A beam that is caught comes to rest at once, in steps far below those before: nearly all of it is dissipated."""
+def test_energy_lost_to_strong_damping_after_a_catch_is_counted(method: str, tolerance: float, share: float) -> None:
+    """A caught beam comes to rest at once, in steps far shorter than before: nearly all energy is dissipated."""
     body = {**ROD, "section": {"height": 0.02, "width": 0.02}, "element": {"type": "reissner3", "count": 2},
             "material": {"E": 2e9, "nu": 0.3, "rho": 1000, "damping": {"kelvin_voigt": 1.0}}}
     solved = solve(bodies={"rod": body}, t_end=0.3, initial={"velocity": [0, -2]}, solver={
@@ -99,8 +99,8 @@ def test_what_strong_damping_takes_after_a_catch_is_counted(method: str, toleran
 @pytest.mark.parametrize(("element", "hold"), helpers.chosen(
     [*((element, None) for element in ("rigid", "reissner3", "vallejo", "cable", "2d2n", "patel")),
      ("2d2n", "breathe"), ("patel", "breathe")], ["rigid", "reissner3", ("2d2n", None), ("patel", "breathe")]))
-def test_a_clamp_holds_a_section_at_the_angle_it_has(element: str, hold: str | None) -> None:
-    """A beam that turns freely with omega = 3 is caught at 69 degrees, and swings about that angle."""
+def test_a_clamp_keeps_a_section_at_its_current_angle(element: str, hold: str | None) -> None:
+    """A beam that rotates freely with omega = 3 is caught at 69 degrees, and swings about that angle."""
     body = {**ROD, "element": {"type": element, **({} if element == "rigid" else {"count": 2})}}
     body["section"] = {**ROD["section"], "rhoI": 0 if element == "rigid" else 1e-2}
     if element in ("2d2n", "patel"):
@@ -131,7 +131,7 @@ def test_a_clamp_holds_a_section_at_the_angle_it_has(element: str, hold: str | N
 
 @pytest.mark.parametrize("method", ["radau5", *SECOND, "DOP853"])
 def test_a_gripper_takes_a_rod_along(method: str) -> None:
-    """A rod that moves across with v = 1 is gripped by what moves up with 3, and then let go.
+    """A rod in translation with v = 1 is gripped by a support moving with 3, and then released.
 
     Its end moves on from where it is, at the rate prescribed: m (3 - 1) as impulse, of which half the work is lost.
     """
@@ -156,8 +156,8 @@ def test_a_gripper_takes_a_rod_along(method: str) -> None:
 
 
 @pytest.mark.parametrize("element", ["rigid", "vallejo", "2d2n"])
-def test_a_motor_takes_hold_of_what_turns(element: str) -> None:
-    """A rod that turns with 2 rad/s about a pin is driven on from t = 0.4, where it stands, with 5 rad/s."""
+def test_a_motor_engages_with_a_turning_rod(element: str) -> None:
+    """A rod that rotates with 2 rad/s about a pin is driven from t = 0.4, from its angle, with 5 rad/s."""
     body = {**ROD, "element": {"type": element, **({} if element == "rigid" else {"count": 1})}}
     if element != "rigid":
         body |= {"section": {"height": 0.1, "width": 0.1}, "material": {"E": 1e8, "nu": 0, "rho": 100}}
@@ -183,8 +183,8 @@ def test_a_motor_takes_hold_of_what_turns(element: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["pin", "weld"])
-def test_a_joint_that_ends_keeps_the_momentum(kind: str) -> None:
-    """Two rods in line that spin about their common centre part at t = 0.3: each goes on along the tangent."""
+def test_a_joint_that_ends_conserves_momentum(kind: str) -> None:
+    """Two collinear rods that spin about their common centre separate at t = 0.3: each continues along the tangent."""
     other = {**ROD, "geometry": {"type": "line", "start": [1, 0], "end": [2, 0]}}
     solved = solve(bodies={"rod": ROD, "other": other},
                    joints=[{"name": "tie", "type": kind, "between": ["rod@1", "other@0"], "active": {"to": 0.3}}],
@@ -201,7 +201,7 @@ def test_a_joint_that_ends_keeps_the_momentum(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", ["pin", "weld"])
 def test_a_joint_that_begins_is_a_plastic_impact(kind: str) -> None:
-    """Two rods in line, one of which rests, become one chain or one rod: momenta stay, energy does not rise."""
+    """Two collinear rods, one at rest, become one chain or one rod: momentum is conserved, energy does not rise."""
     other = {**ROD, "geometry": {"type": "line", "start": [1, 0], "end": [2, 0]}}
     meets = {"name": "tie", "type": kind, "between": ["rod@1", "other@0"]}
     solved = solve(bodies={"rod": ROD, "other": other}, joints=[{**meets, "active": {"from": 1e-7}}], t_end=0.2,
@@ -221,7 +221,7 @@ def test_a_joint_that_begins_is_a_plastic_impact(kind: str) -> None:
 @pytest.mark.parametrize(("kind", "types"), [("pin", ("rigid", "rigid")), ("weld", ("rigid", "rigid")),
                                              ("weld", ("cable", "rigid")), ("weld", ("reissner3", "cable"))])
 def test_a_joint_begins_where_points_meet(kind: str, types: tuple[str, str]) -> None:
-    """A rod that spins comes from 0.4 away, with v = -1, and is held at its middle by the end of one that rests."""
+    """A spinning rod comes from 0.4 away, with v = -1, and the end of a resting one catches its middle."""
     rod, other = ({**ROD, "element": {"type": t} if t == "rigid" else {"type": t, "count": 2}} for t in types)
     other["geometry"] = {"type": "line", "start": [0.9, 0], "end": [1.9, 0]}
     if types[0] == "reissner3":
@@ -253,8 +253,8 @@ def test_a_joint_begins_where_points_meet(kind: str, types: tuple[str, str]) -> 
 
 
 @helpers.covering(method=METHODS, active=[{"from": 0.4}, {"after": "left.y < 0.6"}])
-def test_a_slider_begins_where_the_point_comes_onto_its_line(method: str, active: Any) -> None:
-    """A rod upright at v = (2, -1) meets the line y = (x - 1.8)/3 + 0.6 with its lower end, and slides on along it.
+def test_a_slider_begins_where_the_point_reaches_its_line(method: str, active: Any) -> None:
+    """An upright rod at v = (2, -1) meets the line y = (x - 1.8)/3 + 0.6 with its lower end, and slides along it.
 
     The impulse P acts across the line, on the end: v+ = v + P n/m, omega+ = P n_x/(m L/6), n . v+_end = 0.
     """
@@ -283,7 +283,7 @@ def test_a_slider_begins_where_the_point_comes_onto_its_line(method: str, active
 @helpers.covering(method=["radau5", "energy_momentum", "DOP853"],
                   active=[{"to": 0.4}, {"from": 0.4}, {"until": "bead.x > 2.3"}, {"after": "bead.y > 0"}])
 def test_a_bead_comes_onto_a_bar_or_leaves_it(method: str, active: Any) -> None:
-    """A rod whose end slides along a bar, from or up to where they meet at 2.4, at a right angle and along it."""
+    """A rod whose end slides along a bar, from or up to their meeting at 2.4, at a right angle and along it."""
     bar = {**ROD, "geometry": {"type": "line", "start": [0, 0], "end": [4, 0]}}
     ends = not {"from", "after"} & set(active)
     meets = {"type": "prismatic", "point": "rod@0", "on": "bar", "name": "rail"}
@@ -308,7 +308,7 @@ def test_a_bead_comes_onto_a_bar_or_leaves_it(method: str, active: Any) -> None:
 
 @pytest.mark.parametrize(("start", "said"), [([1.5, 1], "distance from the axis of bar is violated by"),
                                              ([6, 0], "one is beyond the end of its axis")])
-def test_a_bead_that_is_off_its_bar_cannot_begin_to_slide(start: list[float], said: str) -> None:
+def test_a_bead_off_its_bar_cannot_begin_to_slide(start: list[float], said: str) -> None:
     rod = {**ROD, "geometry": {"type": "line", "start": start, "end": [start[0], start[1] + 1]}}
     slides = {"type": "prismatic", "point": "rod@0", "on": "bar", "name": "rail"}
     with pytest.raises(ComputationError, match=f"rail begins while its points are apart: {said}"):
@@ -318,7 +318,7 @@ def test_a_bead_that_is_off_its_bar_cannot_begin_to_slide(start: list[float], sa
 
 def test_a_motion_that_failed_at_an_event_fails_there_again_when_resumed(tmp_path: Path,
                                                                          monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is kept of an event that was only half made."""
+    """Nothing is kept of an incomplete event."""
     monkeypatch.setattr(stepping, "CHUNK_SECONDS", 1e3)  # the states and the failure come at once
     monkeypatch.setattr(writer, "FLUSH_SECONDS", 0.0)
     case = ancf2d.load({
@@ -333,8 +333,8 @@ def test_a_motion_that_failed_at_an_event_fails_there_again_when_resumed(tmp_pat
         assert found[1][key] == found[0][key]
 
 
-def test_what_is_held_twice_is_held_once() -> None:
-    """A clamp from the start on, a pin at the same point that begins and one that takes over when the clamp ends."""
+def test_redundant_supports_act_once() -> None:
+    """A permanent clamp, a pin at the same point that begins and one that takes over when the clamp ends."""
     solved = solve(boundary_conditions=[
         {"name": "grip", "type": "clamp", "at": "rod@0", "active": {"to": 0.3}},
         {"name": "pivot", "type": "pin", "at": "rod@0", "active": {"from": 0.1}},
@@ -363,7 +363,7 @@ output: {interval: 0.02, probes: {left: rod@0, right: rod@1}}
 
 
 @pytest.mark.slow
-def test_a_motion_goes_on_across_supports_that_switch(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_motion_resumes_across_switched_supports(monkeypatch: pytest.MonkeyPatch) -> None:
     report = resumed_behind_events(CASE, monkeypatch)[-1].report
     assert [e["what"] for e in report["events"]] == ["pivot ends", "hook begins"]
     assert report["energy_drift"] < 1e-3

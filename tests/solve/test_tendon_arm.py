@@ -1,4 +1,4 @@
-"""An arm of six rigid vertebrae that a tendon bends: each joint by itself in statics, energies in motion."""
+"""An arm of six rigid vertebrae with a tendon: each joint in statics, energies in motion."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def arm(solver: dict[str, Any], damping: float = 0.0, amplitude: Any = None, **t
 
 
 def turned(found: helpers.Solution) -> list[float]:
-    """Return the angles of the joints, less whole turns."""
+    """Return the angles of the joints, without whole turns."""
     angles = np.diff([found.theta(f"v{i}@0.5") for i in range(N)])
     return list(np.mod(angles + np.pi, 2 * np.pi) - np.pi)
 
@@ -50,7 +50,7 @@ RISE = {"type": "ramp", "t0": 0, "t1": 0.1}
 @pytest.mark.slow
 @pytest.mark.parametrize("tendon", [{}, {"stiffness": 500.0, "slack": -0.05}])
 def test_the_arm_in_motion_keeps_its_balance_of_energies(tendon: dict[str, Any]) -> None:
-    """What the tension does, or what winds up the elastic tendon, is in the springs and the motion."""
+    """The work of the tension, or of winding up the elastic tendon, is in the springs and the motion."""
     found = arm({"type": "dynamic", "t_end": 0.3, "tolerance": 1e-6}, amplitude=RISE, **tendon)
     assert found.state.report["energy_drift"] < 2e-5
     # undamped, the joints swing through zero
@@ -58,6 +58,6 @@ def test_the_arm_in_motion_keeps_its_balance_of_energies(tendon: dict[str, Any])
 
 
 @pytest.mark.slow
-def test_a_damped_arm_comes_to_rest_where_statics_has_it() -> None:
+def test_a_damped_arm_comes_to_rest_in_static_equilibrium() -> None:
     found = arm({"type": "dynamic", "t_end": 8.0, "tolerance": 1e-5}, damping=0.02, amplitude=RISE)
     assert turned(found) == pytest.approx([joint_angle()] * (N - 1), rel=1e-5)

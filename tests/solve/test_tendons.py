@@ -1,4 +1,4 @@
-"""Tendons: closed forms, equilibrium of eyelets, elastic ones beside springs, and an arm of vertebrae in motion."""
+"""Tendons: closed forms, equilibrium of eyelets, elastic tendons and springs, and an arm of vertebrae in motion."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def solve(body: dict[str, Any], loads: list[dict[str, Any]], solver: Any = "stat
     ("reissner3", {}, 5e-5), ("cable", {}, 5e-5), ("omar", {"formulation": "structural"}, 5e-3)])
 @pytest.mark.parametrize("y", [0.04, -0.02])
 def test_a_guided_tendon_bends_into_a_circle(kind: str, more: dict[str, Any], near: float, y: float) -> None:
-    """N = -T along the tendon and M = T y all along: strain -T/EA, curvature T y/EI, whatever the rotation."""
+    """N = -T along the tendon and M = T y all along: strain -T/EA, curvature T y/EI, for any rotation."""
     tension = EI * np.pi / 4 / abs(y)
     found = solve(beam(kind, 16, **more), [{"type": "tendon", "on": "a", "y": y, "tension": tension}])
     bend, stretch = tension * y / EI, 1 - tension / EA
@@ -45,8 +45,8 @@ def test_a_guided_tendon_bends_into_a_circle(kind: str, more: dict[str, Any], ne
         assert reaction == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_guide_that_rises_pulls_on_what_it_leaves() -> None:
-    """Small: M = T y cos(slope), so the tip turns by the integral of M/EI; also of a table with a kink."""
+def test_a_sloping_guide_pulls_on_its_end() -> None:
+    """Small: M = T y cos(slope), so the tip turns by the integral of M/EI; also for a table with a kink."""
     tension = 1e-3
     steep = 0.35 * 0.015 / np.hypot(1, 0.03 / (0.35 * L))
     for y, mean in (("0.04*(1 - s)", 0.02 / np.hypot(1, 0.04 / L)),
@@ -59,8 +59,8 @@ def test_a_guide_that_rises_pulls_on_what_it_leaves() -> None:
 @pytest.mark.parametrize("elastic", [False, True])
 @pytest.mark.parametrize(("kind", "more"), [
     ("reissner3", {}), ("cable", {}), ("vallejo", {"formulation": "structural"})])
-def test_sections_bear_what_a_guided_tendon_does_not(kind: str, more: dict[str, Any], elastic: bool) -> None:
-    """Every section, at nodes and between, balances the tendon: N = -T cos, Q = -T sin of its slope, M = T y cos."""
+def test_sections_balance_a_guided_tendon(kind: str, more: dict[str, Any], elastic: bool) -> None:
+    """At nodes and between, every section balances the tendon: N = -T cos, Q = -T sin of its slope, M = T y cos."""
     if kind == "cable" and elastic:
         pytest.skip("the curve guides elastic tendons on its axis only")
     y = 0.03 if kind == "cable" else "0.04*(1 - s)"
@@ -77,8 +77,8 @@ def test_sections_bear_what_a_guided_tendon_does_not(kind: str, more: dict[str, 
     np.testing.assert_allclose(forces, np.stack(expected, axis=-1), atol=(1e-3 if elastic else 1e-8) * T)
 
 
-def test_sections_of_a_bent_beam_bear_what_a_guide_that_rises_does_not() -> None:
-    """As above, with the way of the tendon that differences of r + y n along the bent beam give."""
+def test_sections_of_a_bent_beam_balance_a_sloping_guide() -> None:
+    """As above, with the direction of the tendon from differences of r + y n along the bent beam."""
     T, xi, h = 1500.0, np.array([0.3, 0.5, 0.8]), 1e-5
     found = solve(beam(), [{"type": "tendon", "on": "a", "y": "0.04*(1 - s)", "tension": T}])
     forces = SectionForces(found.model, found.model.meshes["a"], xi)(found.state)
@@ -101,7 +101,7 @@ EYELETS = [{"at": "a@0.2", "y": 0.05}, {"at": "a@0.5", "y": 0.03}, {"at": "a@0.9
 
 @pytest.mark.parametrize("kind", ["reissner3", "cable", "vallejo"])
 def test_eyelets_are_in_equilibrium(kind: str) -> None:
-    """The wall carries what the tendon pulls at the eyelets of the ground at its ends, and nothing else."""
+    """The wall carries the pull of the tendon at the ground eyelets of its ends, and nothing else."""
     tension = 400.0
     ends = np.array([[-0.3, 0.2], [1.5, 1.2]])
     load = {"type": "tendon", "through": [ends[0].tolist(), *EYELETS, ends[1].tolist()], "tension": tension}
@@ -127,8 +127,8 @@ GROUND = np.array([[0.3, 0.8], [1.6, -0.9]])
 
 @pytest.mark.parametrize(("kind", "pull"), [
     ("reissner3", {"tension": 300.0}), ("cable", {"stiffness": 500.0, "slack": -0.8}), ("vallejo", {"tension": 300.0})])
-def test_sections_beside_two_eyelets_within_an_element_bear_what_is_beyond(kind: str, pull: dict[str, float]) -> None:
-    """Far from the reference: before both, between and behind them, by hand from where the eyelets are."""
+def test_sections_near_two_eyelets_within_an_element_balance_the_part_beyond(kind: str, pull: dict[str, float]) -> None:
+    """Far from the reference: before, between and behind them, by hand from the positions of the eyelets."""
     load = {"type": "tendon", "through": [GROUND[0].tolist(), *TWO, GROUND[1].tolist()], **pull}
     found = solve(beam(kind, 3, nodes="regular"), [load])
     way = np.array([GROUND[0], *(eyelet(found, e) for e in TWO), GROUND[1]])
@@ -150,7 +150,7 @@ def test_sections_beside_two_eyelets_within_an_element_bear_what_is_beyond(kind:
 
 
 def eyelet(found: helpers.Solution, e: dict[str, Any]) -> Any:
-    """Return where an eyelet off the axis is."""
+    """Return the position of an eyelet off the axis."""
     mesh, s = found.model.meshes["a"], float(e["at"][2:])
     if mesh.plan.element.section_kind == "interpolated":
         return np.array([w @ (found.model.e0 + found.d[:found.model.n_q])[c]
@@ -159,8 +159,8 @@ def eyelet(found: helpers.Solution, e: dict[str, Any]) -> Any:
     return found.r(e["at"]) + e["y"] * np.array([-np.sin(angle), np.cos(angle)])
 
 
-def test_a_guide_that_ends_within_elements_of_a_curve_bends_what_is_between() -> None:
-    """Small: N = 0 but M = T y of the moments at its ends, which are all that a guide off the axis of a curve does."""
+def test_a_guide_that_ends_within_elements_of_a_curve_bends_only_the_part_between() -> None:
+    """Small: N = 0 but M = T y of the end moments, which are the whole effect of a guide off the axis of a curve."""
     load = {"type": "tendon", "on": "a", "y": 0.03, "from": 0.25, "to": 0.75, "tension": 50}
     found = solve(beam("cable", 2, nodes="regular"), [load], "linear_static")
     forces = SectionForces(found.model, found.model.meshes["a"], np.array([0.2, 0.45, 0.55, 0.8]))(found.state)
@@ -170,7 +170,7 @@ def test_a_guide_that_ends_within_elements_of_a_curve_bends_what_is_between() ->
 
 
 def test_section_forces_of_linear_statics_are_linear() -> None:
-    """Of a tendon through an element whose length is not linear in the displacements."""
+    """With a tendon through an element whose length is not linear in the displacements."""
     loads = [{"type": "tendon", "through": [[0.0, 0.5], TWO[0], [1.5, 0.8]], "stiffness": 1e4}]
     xi, found = np.array([0.1, 0.5, 0.7]), []
     for push in (-1.0, -1000.0):
@@ -181,7 +181,7 @@ def test_section_forces_of_linear_statics_are_linear() -> None:
 
 
 @pytest.mark.parametrize("where", [{"on": "a", "y": 0.03}, {"through": EYELETS}])
-def test_an_elastic_tendon_is_one_of_the_tension_that_it_has(where: dict[str, Any]) -> None:
+def test_an_elastic_tendon_equals_one_of_its_current_tension(where: dict[str, Any]) -> None:
     stiffness, slack = 4e4, -0.05
     body = beam(count=8)
     elastic = solve(body, [{"type": "tendon", "stiffness": stiffness, "slack": slack, **where}])
@@ -208,7 +208,7 @@ def test_an_elastic_tendon_never_pushes() -> None:
         "linear_static", "static", {"type": "static", "method": "arc_length"},
         {"type": "eigen", "modes": 1, "about": "static"})),
     ("static", 0.1), ({"type": "eigen", "modes": 1, "about": "static"}, 0.1)])
-def test_a_load_hangs_on_a_rope_that_a_winch_has_wound_up(solver: Any, slack: float) -> None:
+def test_a_load_hangs_on_a_wound_up_rope(solver: Any, slack: float) -> None:
     """T = m g and l = l0 (1 + T/EA), with l0 = 5 m + slack; the load vibrates with omega^2 = EA/(l0 m)."""
     mass, stiffness, l0 = 40.0, 1e5, 5.0 + slack
     load = {"geometry": {"type": "line", "start": [2, -3], "end": [2, -3.2]},
@@ -225,7 +225,7 @@ def test_a_load_hangs_on_a_rope_that_a_winch_has_wound_up(solver: Any, slack: fl
 
 
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "energy_momentum"])
-def test_winding_up_a_rope_is_work_and_no_loss(method: str) -> None:
+def test_winding_up_a_rope_does_work_without_loss(method: str) -> None:
     """m v' = T - m g with T = EA (l - l0)/l0; winding at the rate l0' does the work -l0' T (1 + (l - l0)/2 l0)."""
     mass, stiffness, rate = 40.0, 1e4, 0.5
     load = {"geometry": {"type": "line", "start": [0, 0], "end": [0, -0.2]},
@@ -249,8 +249,8 @@ def test_winding_up_a_rope_is_work_and_no_loss(method: str) -> None:
     np.testing.assert_allclose(found.energies["dissipated"], 0.0, atol=1e-12 * exact)
 
 
-def test_a_boom_that_is_pushed_off_its_stay_stands_up() -> None:
-    """The stay is wound up before the load acts, which lifts the boom at once, up to where it stands."""
+def test_a_boom_with_a_wound_up_stay_stands_up() -> None:
+    """The stay is wound up before the load acts, which lifts the boom at once, up to its equilibrium."""
     boom = {"geometry": {"type": "line", "start": [0, 0], "end": [4, 0]}, "section": {"height": 0.1, "width": 0.5},
             "material": {"E": 1e10, "nu": 0.3, "rho": 500}, "element": {"type": "reissner3", "count": 4}}
     stay = {"type": "tendon", "through": [[0, 3], "a@0.75"], "stiffness": 2e5, "slack": -0.01,
@@ -262,7 +262,7 @@ def test_a_boom_that_is_pushed_off_its_stay_stands_up() -> None:
     assert any("tendons tighten" in warning for warning in found.state.warnings)
 
 
-def test_a_tendon_that_is_slack_in_the_reference_is_named_where_it_would_have_to_hold_a_body() -> None:
+def test_a_slack_tendon_that_is_the_only_support_is_named() -> None:
     tendon = {"type": "tendon", "through": [[0, 1], "a@0"], "stiffness": 1e5, "slack": 0.1,
               "amplitude": {"type": "constant"}}
     with pytest.raises(CaseError, match=r"'a' is free to move along \(0, 1\).*loads.0: inactive in the reference"):
@@ -274,7 +274,7 @@ def test_a_tendon_that_is_slack_in_the_reference_is_named_where_it_would_have_to
     (-1.0, 0.0, None), (1.0, 0.0, "loads.1 would push"), (0.1, -1e-2, None),
     (-1.0, 1e-6, "loads.1 hangs loose in the reference and then pulls"), (1.0, 1e-6, None)])
 def test_linear_statics_refuse_tendons_that_go_loose_or_taut(up: float, slack: float, said: str | None) -> None:
-    """A tendon from the tip straight up, beside a spring of the same stiffness, which may push."""
+    """A tendon from the tip straight up, next to a spring of the same stiffness, which may push."""
     loads = [{"type": "force", "at": "a@1", "value": [0, up]},
              {"type": "tendon", "through": ["a@1", [L, L]], "stiffness": 1e3, "slack": slack}]
     if said is not None:
@@ -289,13 +289,13 @@ def test_linear_statics_refuse_tendons_that_go_loose_or_taut(up: float, slack: f
 
 
 @pytest.mark.parametrize(("slack", "said"), [(-1e-4, True), (0.0, False)])
-def test_linear_statics_say_that_section_forces_miss_how_a_pretension_turns(slack: float, said: bool) -> None:
+def test_linear_statics_warn_that_section_forces_miss_the_rotation_of_pretension(slack: float, said: bool) -> None:
     load = {"type": "tendon", "on": "a", "y": 0.01, "stiffness": 10.0, "slack": slack}
     found = solve(beam("reissner3", 2), [load, {"type": "force", "at": "a@1", "value": [1e-3, 0]}], "linear_static")
     assert any("tendon's pretension" in w for w in found.state.warnings) == said
 
 
-def test_an_elastic_tendon_stiffens_modes_as_a_spring_does() -> None:
+def test_an_elastic_tendon_stiffens_modes_like_a_spring() -> None:
     tendon = {"type": "tendon", "through": ["a@1", [L, 1.5]], "stiffness": 1e4, "slack": 0.0}
     spring = {"type": "translational", "between": ["a@1", [L, 1.5]], "stiffness": 1e4 / 1.5}
     for more in ({}, {"about": "static"}):
@@ -315,7 +315,7 @@ def test_a_column_buckles_under_a_tendon_to_its_base_but_not_under_one_along_its
     assert found["load_factors"][0] == pytest.approx(critical, rel=1e-4)
 
 
-def test_what_a_tendon_cannot_be_is_refused_in_words() -> None:
+def test_impossible_tendons_are_refused() -> None:
     for load, said in (
             ({"tension": 1}, "either on or through"), ({"on": "a"}, "either tension or stiffness"),
             ({"on": "a", "tension": 1, "slack": 0.1}, "no unstretched length"),
@@ -335,7 +335,7 @@ def test_what_a_tendon_cannot_be_is_refused_in_words() -> None:
                       loads=[{"type": "tendon", "on": "a", "y": 0.01, "stiffness": 1e3}])
 
 
-def test_elements_along_an_elastic_tendon_are_not_too_many() -> None:
+def test_too_many_elements_along_an_elastic_tendon_are_refused() -> None:
     load = {"type": "tendon", "on": "a", "y": 0.01, "stiffness": 1e3, "slack": -1e-3}
     assert solve(beam(count=42), [load], "linear_static").theta("a@1") > 0
     with pytest.raises(CaseError, match="43 elements are too many") as error:
@@ -352,7 +352,7 @@ INPUTS: dict[str, dict[str, Any]] = {
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "kind"), [("wound", "reissner3"), ("laced", "reissner3"), ("given", "vallejo")])
 def test_tendons_as_inputs_are_derivatives_of_statics(name: str, kind: str) -> None:
-    """At frequency 0, about a loaded state: motions, N, Q and M beside differences of equilibria; tension or slack."""
+    """At frequency 0, about a loaded state: motions, N, Q and M against differences of equilibria; tension or slack."""
     load = {"type": "tendon", "name": "t", **INPUTS[name]}
     # other tendons, and what pulls at them all, act in the state
     others = [{"type": "tendon", **one} for other, one in INPUTS.items() if other != name]

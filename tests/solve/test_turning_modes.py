@@ -1,4 +1,4 @@
-"""Vibrations in a turning frame: published frequencies, the skew Coriolis matrix, exact pairs of a turning mass."""
+"""Vibrations in a turning frame: published frequencies, the skew Coriolis matrix, exact pairs of a rotating mass."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ def test_first_frequency_of_a_rotating_cantilever(element: str, omega: float, fi
     assert math.isclose(omegas(case(element, omega))[0], first, rel_tol=2e-5)
 
 
-def test_the_scene_may_turn_either_way() -> None:
+def test_both_directions_of_rotation() -> None:
     np.testing.assert_allclose(omegas(case("vallejo, count: 4", 5)), omegas(case("vallejo, count: 4", -5)), rtol=1e-9)
 
 
-def test_what_damps_does_nothing_to_undamped_modes_of_a_scene_that_turns() -> None:
+def test_damping_has_no_effect_on_undamped_modes_in_a_turning_frame() -> None:
     text = case("reissner3, count: 8", 5)
     damped = text.replace("eigen,", "eigen, damped: false,") + "damping: {rayleigh: {beta: 0.01}}\n"
     found = run_case(load_case_text(damped)).summary["frequencies"]
@@ -70,8 +70,8 @@ boundary_conditions:
 
 
 @pytest.mark.parametrize("count", [3, 8], ids=["all pairs at once", "Arnoldi"])
-def test_a_rigid_arm_beside_a_beam_adds_its_own_pair(count: int) -> None:
-    """It swings with J s^2 + k + m Omega^2 R c = 0 about a pivot at R, and leaves the pairs of the beam alone."""
+def test_a_rigid_arm_next_to_a_beam_adds_its_own_pair(count: int) -> None:
+    """It swings with J s^2 + k + m Omega^2 R c = 0 about a pivot at R, and does not change the pairs of the beam."""
     text = case(f"reissner3, count: {count}", 3)
     both = text.replace("\nboundary_conditions: [", ARM).replace("hold: section}]", "hold: section}")
     alone, found = (omegas(one.replace("modes: 3", f"modes: {modes}")) for one, modes in ((text, 5), (both, 6)))
@@ -79,7 +79,7 @@ def test_a_rigid_arm_beside_a_beam_adds_its_own_pair(count: int) -> None:
     np.testing.assert_allclose(found, sorted([*alone, arm]), rtol=1e-7)
 
 
-def test_arnoldi_finds_the_pairs_that_all_pairs_at_once_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_arnoldi_agrees_with_a_dense_solver(monkeypatch: pytest.MonkeyPatch) -> None:
     text = case("vallejo, count: 12", 7)
     found = omegas(text)
     monkeypatch.setattr(quadratic, "DENSE", 200)
@@ -99,7 +99,7 @@ def test_coriolis_forces_do_no_work_and_are_linear_in_omega(element: str) -> Non
 
 
 def test_coriolis_force_of_a_translation_is_twice_omega_times_the_momentum() -> None:
-    """Everything that moves along y with v feels -2 m omega v along x."""
+    """Every mass m that moves along y with v has the force -2 m omega v along x."""
     model = build_model(load_case_text(case("vallejo, count: 3", 3, "[{at: beam@0.4, mass: 2}]")))
     v = (model.meshes["beam"].kinds == 1).astype(float)
     force = coriolis_matrix(model, 3.0) @ v

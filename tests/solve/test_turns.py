@@ -1,4 +1,4 @@
-"""Whole turns of sections whose rotation directions tell: counted from step to step, kept with every state."""
+"""Whole turns of sections: counted from step to step and stored with every state."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from ancf2d.model.transfer import transferred
 from ancf2d.results import open_results
 from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.dynamic import Run
-from ancf2d.solvers.post import Observer, reactions
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.state_results import Observer, reactions
 from ancf2d.solvers.statics.newton import Start
 from ancf2d.solvers.statics.static import solve_static
 from ancf2d.study.run import load, run_case
@@ -68,7 +68,7 @@ def run(path, out, **changes):
 
 
 @pytest.mark.slow
-def test_a_motion_goes_on_from_a_file_on_its_turn(tmp_path):
+def test_a_motion_continues_from_a_file_with_its_turns(tmp_path):
     first, _ = run(tmp_path / "first.yaml", tmp_path / "first.h5", initial={"rotation_rate": {"omega": 8.0}})
     assert first["theta"] == pytest.approx(swing(0.6)[0], rel=1e-6)
     assert first["theta"] > math.pi
@@ -79,7 +79,7 @@ def test_a_motion_goes_on_from_a_file_on_its_turn(tmp_path):
     assert energy["strain"] == pytest.approx(2.5 * then["theta"]**2, rel=1e-9)
 
 
-def test_a_file_without_turns_is_taken_for_one_of_the_first_turn(tmp_path):
+def test_a_file_without_turns_counts_as_the_first_turn(tmp_path):
     first, _ = run(tmp_path / "first.yaml", tmp_path / "first.h5", initial={"rotation_rate": {"omega": 8.0}})
     with h5py.File(tmp_path / "first.h5", "r+") as file:
         del file["states/turned"]
@@ -90,8 +90,8 @@ def test_a_file_without_turns_is_taken_for_one_of_the_first_turn(tmp_path):
     assert then["theta"] == pytest.approx(first["theta"] - 2 * math.pi, rel=1e-6)
 
 
-def test_a_bar_turned_up_by_a_moment_stays_where_statics_has_left_it():
-    """k = 5 under 20 N m: 4 rad, beyond half a turn."""
+def test_a_bar_turned_by_a_moment_stays_in_static_equilibrium():
+    """k = 5 under 20 N m: 4 rad, more than half a turn."""
     model, states = moving(0.5, 0.1, bc=PIN, springs=spring(5.0), loads=[{"type": "moment", "at": "b@0", "value": 20}],
                            initial={"from": "static"})
     for state in states:
@@ -99,7 +99,7 @@ def test_a_bar_turned_up_by_a_moment_stays_where_statics_has_left_it():
         assert state.energy == pytest.approx(40.0, rel=1e-6)
 
 
-def test_a_resumed_motion_has_the_energies_of_one_that_was_not_interrupted(monkeypatch):
+def test_a_resumed_motion_has_the_energies_of_an_uninterrupted_one(monkeypatch):
     # every state ends a chunk, from which a run can go on
     monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
     model, states = moving(1.2, 0.05, **SWING)
@@ -132,7 +132,7 @@ def test_turns_do_not_depend_on_how_many_states_are_stored(interval):
                                    rtol=1e-3, atol=0.1)
 
 
-def test_a_step_of_more_than_half_a_turn_is_cut_where_a_spring_counts():
+def test_a_step_of_more_than_half_a_turn_is_cut_with_a_torsion_spring():
     """8 rad/s in steps of 0.5 s against a spring that hardly slows: stages would be on other turns than their step."""
     model, states = moving(4.0, 4.0, {"dt": 0.5, "method": "radau9"}, bc=PIN, springs=spring(1e-3),
                            initial={"rotation_rate": {"omega": 8.0}})
@@ -169,7 +169,7 @@ def test_a_spring_is_wound_up_in_any_number_of_load_steps(kind, steps):
 
 @pytest.mark.parametrize("steps", [1, 2, 5])
 @pytest.mark.parametrize("kind", ["vallejo", "cable"])
-def test_a_prescribed_angle_tells_the_turn(kind, steps):
+def test_a_prescribed_angle_determines_the_turn(kind, steps):
     model, state = at_end(KINDS[kind], {"type": "static", "steps": steps},
                           bc=[*PIN, {"type": "prescribed", "at": "b@0", "angle": 20.0}])
     assert theta(model, state) == pytest.approx(20.0, rel=1e-9)
@@ -177,8 +177,8 @@ def test_a_prescribed_angle_tells_the_turn(kind, steps):
 
 @pytest.mark.parametrize(("clamped", "steps"), [(0, 2), (1, 2), (0, 10)])
 @pytest.mark.parametrize("name", ["vallejo", "cable"])
-def test_a_rolled_up_beam_counts_from_where_it_is_held(name, clamped, steps):
-    """Under 4 pi EI/L a cantilever turns twice, seen from its clamp: whichever end that is, however few the steps."""
+def test_a_rolled_up_beam_counts_turns_from_its_clamp(name, clamped, steps):
+    """Under 4 pi EI/L a cantilever turns twice, from its clamp at either end, however few the steps."""
     body = h.body(h.line(1.0), h.element(name, 16), SECTION, {**h.STEEL, "nu": 0.0})
     scene = {"bc": [{"type": "clamp", "at": f"b@{clamped}", "hold": "section"}],
              "loads": [{"type": "moment", "at": f"b@{1 - clamped}", "value": 4 * math.pi * EI}]}

@@ -1,4 +1,4 @@
-"""Welds and joints, and the whole chain from case to answer in a turned world."""
+"""Welds and joints, and rotations of whole cases from input to result."""
 
 import helpers
 import numpy as np
@@ -59,8 +59,8 @@ def test_two_welded_halves_are_one_body(name, formulation, solver):
 
 
 @pytest.mark.parametrize("name", ["cable", "omar", "li", "patel", "vallejo"])
-def test_two_halves_that_run_against_each_other_are_one_body(name):
-    """Welded end to end: derivatives of odd order turn round, those of even order do not."""
+def test_two_halves_in_opposite_directions_are_one_body(name):
+    """Welded end to end: derivatives of odd order change sign, those of even order do not."""
     def solve(bodies, **scene):
         return helpers.solved({k: helpers.body({"type": "line", "start": a, "end": b}, helpers.element(name, n))
                                for k, (a, b, n) in bodies.items()}, loads=LOADS, **scene)
@@ -75,7 +75,7 @@ def test_two_halves_that_run_against_each_other_are_one_body(name):
 
 @pytest.mark.parametrize("name", ["cable", "omar"])
 def test_each_member_of_a_star_has_its_own_axial_strain(name):
-    """Of members so thin that they do not bend, K = EA/L sum t t^T at their joint, with one element each."""
+    """For members too thin to bend, K = EA/L sum t t^T at their joint, with one element each."""
     angles = (0.3, 2.1, 4.4)
     section = {"height": 1e-3, "width": 1.0}
     bodies = {f"b{k}": helpers.body(helpers.line(1.0, a), helpers.element(name, 1), section, {"E": 1e9, "nu": 0.0})
@@ -101,7 +101,7 @@ UNLIKE = [("cable", "kerkkanen"), ("vallejo", "vallejo"), ("reissner3", "omar")]
 
 @pytest.mark.slow_rows("cable-kerkkanen-buckling")
 @helpers.covering(pair=UNLIKE, solver=["linear_static", "static", "eigen", "buckling"])
-def test_a_weld_of_unlike_bodies_does_not_feel_orientation_units_or_order(pair, solver):
+def test_a_weld_of_unlike_bodies_is_invariant_to_orientation_units_and_order(pair, solver):
     """The factors of a tangent with multipliers have the digits of one without."""
     first, second = pair
     # buckling has a straight column: factors of a state that bends before it buckles are left out
@@ -134,7 +134,7 @@ def test_a_weld_of_unlike_bodies_does_not_feel_orientation_units_or_order(pair, 
 @pytest.mark.parametrize("name", ["vallejo", "cable"])
 @pytest.mark.parametrize("angle", [0.0, 1.1])
 def test_a_frame_with_two_welds_on_one_section_is_solved(name, angle):
-    """Members of four heights around a triangle, and an arm: statics and modes have an answer."""
+    """Members of four heights around a triangle, and an arm: statics and modes have a solution."""
     members = {"a": ((0, 0), (1, 0), 0.02), "b": ((1, 0), (2, 0.3), 0.04), "d": ((1, 0), (1, 1), 0.05),
                "e": ((2, 0.3), (1, 1), 0.03)}
     bodies = {k: helpers.body({"type": "line", "start": turned(p, angle), "end": turned(q, angle)},

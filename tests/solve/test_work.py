@@ -1,4 +1,4 @@
-"""The work that representative cases take, counted: a guard against slowness that a noisy machine cannot hide.
+"""Counted work of representative cases: a guard against slowness that does not depend on the machine.
 
 ``work.json`` holds reviewed counts. More than stored is a regression; less is progress to be stored: ``pytest
 tests/solve/test_work.py --update``, and review the difference.
@@ -46,7 +46,7 @@ def beam(name: str, count: int) -> dict[str, Any]:
 
 
 def still(name: str, count: int, solver: Any, **scene: Any) -> Callable[[pytest.MonkeyPatch], Counter[str]]:
-    """Return what counts calls of kernels, factorisations, solutions, states and iterations of a case at rest."""
+    """Return counts of kernel calls, factorisations, solutions, states and iterations of a static case."""
     def work(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
         found: Counter[str] = Counter()
 
@@ -71,7 +71,7 @@ def still(name: str, count: int, solver: Any, **scene: Any) -> Callable[[pytest.
 
 
 def moving(scene: dict[str, Any], t_end: float, **solver: Any) -> Callable[[pytest.MonkeyPatch], Counter[str]]:
-    """Return what counts evaluations, factorisations, steps and iterations of a motion."""
+    """Return counts of evaluations, factorisations, steps and iterations of a motion."""
     def work(_: pytest.MonkeyPatch) -> Counter[str]:
         ride = Ride(scene, t_end, states=10, **solver).start().on()
         forces, tangents, factorisations = (int(x) for x in ride.stepper.w.counts)
@@ -119,7 +119,7 @@ CASES: dict[str, Callable[[pytest.MonkeyPatch], Counter[str]]] = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_work_is_what_it_was(name: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_work_has_not_grown(name: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     now = {what: n for what, n in CASES[name](monkeypatch).items() if n}
     if request.config.getoption("--update"):
         update(name, now)
@@ -130,7 +130,7 @@ def test_work_is_what_it_was(name: str, request: pytest.FixtureRequest, monkeypa
 
 
 def update(name: str, now: dict[str, int]) -> None:
-    """Store what a case takes, and nothing of cases that are gone."""
+    """Store the counts of a case, and drop those of deleted cases."""
     stored = json.loads(STORED.read_text(encoding="utf-8")) if STORED.exists() else {}
     stored[name] = now
     kept = {case: dict(sorted(stored[case].items())) for case in CASES if case in stored}
@@ -141,7 +141,7 @@ def test_no_stored_count_is_left_over() -> None:
     assert json.loads(STORED.read_text(encoding="utf-8")).keys() == CASES.keys()
 
 
-def test_a_tangent_too_many_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_tangent_too_many_is_detected(monkeypatch: pytest.MonkeyPatch) -> None:
     assemble = system.System.assemble
 
     def twice(self: Any, *args: Any, **kwargs: Any) -> Any:

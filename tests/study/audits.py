@@ -1,4 +1,4 @@
-"""What the tests of the examination share: findings of single checks, and elements described in files."""
+"""Shared by the tests of the audit: findings of single checks, and elements described in files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ancf2d.study.audit.subject import Finding, Subject, subject
 
 
 def findings(s: Subject, *names: str) -> dict[str, Finding]:
-    """Return what the named checks (all but the cost by default) find."""
+    """Return the findings of the named checks (all but the cost by default)."""
     chosen = tuple(c for c in CHECKS if (c.name in names if names else c.name != "cost"))
     assert len(chosen) == (len(names) or len(CHECKS) - 1)
     return {a.check.name: a.finding for a in audit(s, chosen).results}
@@ -23,7 +23,7 @@ def verdicts(s: Subject, *names: str) -> dict[str, str]:
 
 
 def find(name: str, *checks: str, **options: Any) -> dict[str, Finding]:
-    """Return what checks find of a listed type or a file."""
+    """Return the findings of checks on a listed type or a file."""
     return findings(subject(name, **options), *checks)
 
 

@@ -1,4 +1,4 @@
-"""What tests of studies share: cantilevers, and functions that are sent to other processes."""
+"""Shared by tests of studies: cantilevers, and functions that are sent to other processes."""
 
 from __future__ import annotations
 
@@ -70,21 +70,21 @@ def die(x: int) -> int:
 
 
 def threads(_: int) -> int:
-    """Return how many threads of this process are not Python's own."""
+    """Return the number of threads of this process that are not Python's own."""
     a = np.ones((400, 400))
     assert (a @ a)[0, 0] == 400
     return len(os.listdir("/proc/self/task")) - threading.active_count()
 
 
 def wait_with_note(folder: str) -> int:
-    """Leave the number of this process in a folder, and go on for long."""
+    """Leave the number of this process in a folder, and run for a long time."""
     (Path(folder) / str(os.getpid())).touch()
     time.sleep(60)
     return 0
 
 
 def compile_alone(job: tuple[str, str]) -> tuple[float, float]:
-    """Return when a process began and ended what no other may do at the same time."""
+    """Return the start and end times of exclusive work of a process."""
     from ancf2d.study.warmup import _compile_lock
 
     with _compile_lock(Path(job[0]), job[1]):

@@ -1,4 +1,4 @@
-"""Cases that are solved to a wanted accuracy."""
+"""Cases that are solved to a required accuracy."""
 
 from __future__ import annotations
 
@@ -55,6 +55,6 @@ def case(text: str, element: str = "{type: vallejo, count: 3}", *overrides: str)
 
 
 def limit(loaded: LoadedCase, count: int, tolerance: float | None = None) -> GoalValue:
-    """Return the answer on a mesh far finer than any that is used."""
+    """Return the answer on a mesh far finer than any used."""
     counts = dict.fromkeys(loaded.case.bodies, count)
     return solve_for_goal(with_setting(loaded, Setting(counts, {}, tolerance))).answer

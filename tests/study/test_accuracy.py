@@ -1,4 +1,4 @@
-"""Solving to a wanted accuracy: the true error is below it, estimates cover the error, cost is spent where it pays."""
+"""Solving to a required accuracy: the true error is smaller, estimates cover it, cost is spent where it pays."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pursued import BETWEEN, CANTILEVER, SWING, TWO, case, limit
 from ancf2d.case import load_case_text
 from ancf2d.errors import CaseError
 from ancf2d.study.accuracy.control import describe, first_mesh, is_pursued, solve_to_accuracy
-from ancf2d.study.accuracy.judging import relative_distance
+from ancf2d.study.accuracy.estimates import relative_distance
 from ancf2d.study.accuracy.pursuit import Pursuit
 from ancf2d.study.accuracy.setting import Setting, with_setting
 from ancf2d.study.goal import Target, solve_for_goal
@@ -19,7 +19,7 @@ from ancf2d.study.record import Progress
 @pytest.mark.parametrize("element", ["{type: vallejo, count: 3}", "{type: reissner2, count: 3}",
                                      "{type: 2d2n-nu, count: 3}"])
 @pytest.mark.parametrize("wanted", [1e-2, 1e-4])
-def test_the_error_is_below_the_wanted_one_and_covered_by_its_estimate(element, wanted):
+def test_the_error_is_below_the_required_one_and_covered_by_its_estimate(element, wanted):
     loaded = case(CANTILEVER, element, f"accuracy={wanted}")
     reached = solve_to_accuracy(loaded)
     assert reached.achieved
@@ -29,7 +29,7 @@ def test_the_error_is_below_the_wanted_one_and_covered_by_its_estimate(element, 
     assert error <= reached.accuracy["estimate"] <= wanted
 
 
-def test_one_mesh_and_a_finer_one_do():
+def test_one_mesh_and_a_finer_one_suffice():
     reached = solve_to_accuracy(case(CANTILEVER, "{type: reissner3, count: 3}", "accuracy=1e-3"))
     counts = [level["elements"] for level in reached.accuracy["path"]]
     assert counts == [counts[0], 2 * counts[0]]
@@ -52,7 +52,7 @@ def test_if_a_finer_mesh_is_not_enough_a_coarser_one_shows_the_order():
 
 
 @pytest.mark.slow
-def test_steps_in_time_and_meshes_together_reach_it():
+def test_time_steps_and_meshes_together_reach_the_accuracy():
     loaded = case(SWING)
     reached = solve_to_accuracy(loaded)
     found = reached.accuracy
@@ -68,7 +68,7 @@ def test_steps_in_time_and_meshes_together_reach_it():
 
 @pytest.mark.slow
 def test_time_steps_that_newtons_method_limits_are_judged_by_a_better_method():
-    """A tenth of the tolerance changes few steps of a thin rod of steel: it moves by half of the error."""
+    """A tenth of the tolerance changes few steps of a thin steel rod: half of the error would remain hidden."""
     data = {
         "accuracy": 3e-5, "goal": {"probe": "tip", "quantity": "uy"},
         "bodies": {"rod": {
@@ -101,7 +101,7 @@ def test_a_body_that_matters_little_stays_coarse():
                                        "bodies.arm.element.type=reissner2"), ("solver={type: eigen, modes: 2}",
                                        "goal={kind: bending, number: 1}", "bodies.post.material.rho=7850",
                                        "bodies.arm.material.rho=7850")])
-def test_the_error_is_told_body_by_body(sets):
+def test_the_error_is_reported_for_each_body(sets):
     found = solve_to_accuracy(case(TWO, "", "accuracy=1e-3", *sets)).accuracy
     assert set(found["by_body"]) == {"post", "arm"}
     assert sum(found["by_body"].values()) == pytest.approx(found["estimate"], rel=1e-9)
@@ -115,14 +115,14 @@ def test_the_simplest_type_that_the_accuracy_allows():
     assert rough.accuracy["types"]["beam"]["element"] == "cable"
     assert 1e-3 < rough.accuracy["model_error"] < 0.3 * 2e-2
     assert fine.accuracy["types"]["beam"]["element"] == "reissner3"
-    assert "would move" in fine.accuracy["types"]["beam"]["why"]
+    assert "would change" in fine.accuracy["types"]["beam"]["why"]
     # against the geometrically exact beam
     exact = limit(case(CANTILEVER, "{type: reissner3, count: 1}"), 64)
     assert abs(rough.accuracy["value"] - exact.value) / exact.size <= rough.accuracy["estimate"] <= 2e-2
 
 
 def test_coarse_meshes_of_a_simple_model_are_not_taken_for_its_error():
-    """Of a slender beam the meshes of ``cable`` err more than its model: it is found once they are fine enough."""
+    """Coarse meshes of ``cable`` have larger errors than its model for a slender beam: it is chosen on fine meshes."""
     slender = case(CANTILEVER.replace("height: 0.1", "height: 0.01").replace("-500e3", "-500"), "auto", "accuracy=1e-4")
     reached = solve_to_accuracy(slender)
     assert reached.achieved
@@ -147,14 +147,14 @@ def test_the_result_file_holds_the_mesh_that_was_chosen(tmp_path):
         assert results.summary["accuracy"]["estimate"] == pytest.approx(reached.accuracy["estimate"])
 
 
-def test_an_accuracy_below_round_off_is_not_reached_and_says_so():
+def test_an_accuracy_below_round_off_is_reported_as_not_reached():
     reached = solve_to_accuracy(case(CANTILEVER, "{type: reissner3, count: 3}", "accuracy=1e-15"))
     assert not reached.achieved
     assert "round-off" in reached.accuracy["note"]
     assert "NOT reached" in describe(reached.accuracy, case(CANTILEVER).case)
 
 
-def test_without_a_goal_there_is_nothing_to_be_accurate_about():
+def test_an_accuracy_without_a_goal_is_refused():
     text = CANTILEVER.replace("goal: {probe: tip, quantity: uy}\n", "")
     with pytest.raises(CaseError, match="without a goal"):
         case(text, "{type: reissner3, count: 3}", "accuracy=1e-3")
@@ -164,14 +164,14 @@ def test_without_a_goal_there_is_nothing_to_be_accurate_about():
         solve_to_accuracy(case(text, "{type: reissner3, count: 3}"))
 
 
-def test_only_cases_that_ask_for_it_are_pursued():
+def test_only_cases_with_an_accuracy_are_refined():
     assert not is_pursued(case(CANTILEVER))
     assert is_pursued(case(CANTILEVER, "auto"))
     assert is_pursued(case(SWING))
     assert first_mesh(case(CANTILEVER, "auto")).case.bodies["beam"].element.type == "reissner3"
 
 
-def test_meshes_that_begin_from_coarser_ones_cost_less_than_the_result():
+def test_meshes_that_start_from_coarser_states_cost_less_than_the_result():
     pursuit = Pursuit(case(CANTILEVER), 1e-4, Progress())
     coarse, fine = (pursuit.solve(Setting({"beam": n}), "") for n in (4, 8))
     assert fine.iterations < 0.3 * coarse.iterations
@@ -181,7 +181,7 @@ def test_meshes_that_begin_from_coarser_ones_cost_less_than_the_result():
     assert relative_distance(fine, again) < 1e-3
 
 
-def test_only_the_result_is_asked_whether_its_mesh_is_fine_enough(monkeypatch):
+def test_only_the_resulting_mesh_is_checked_for_resolution(monkeypatch):
     judged: list[int] = []
 
     def warnings(self, state):
@@ -194,7 +194,7 @@ def test_only_the_result_is_asked_whether_its_mesh_is_fine_enough(monkeypatch):
     assert found["solves"] >= 2
 
 
-def test_where_load_steps_end_elsewhere_all_is_solved_with_them(monkeypatch):
+def test_if_load_steps_end_elsewhere_all_meshes_use_them(monkeypatch):
     """A guess on another branch: the end of the load steps counts."""
     from ancf2d.study.accuracy import control
 
@@ -208,7 +208,7 @@ def test_where_load_steps_end_elsewhere_all_is_solved_with_them(monkeypatch):
 
 
 def test_coarse_meshes_that_lock_are_not_taken_for_converged():
-    """2d3n locks: on 1, 2 and 4 elements its tip hardly moves, and swings; the limit is half as far again."""
+    """2d3n locks: on 1, 2 and 4 elements its tip hardly moves, and alternates; the limit is larger by half."""
     loaded = case(CANTILEVER.replace("-500e3", "-200e3"), "{type: 2d3n, count: 1}", "accuracy=1e-2")
     reached = solve_to_accuracy(loaded)
     assert reached.achieved
@@ -229,8 +229,8 @@ def test_a_stiff_link_may_be_rigid_in_statics():
 
 
 @pytest.mark.parametrize("nodes", ["acting", "regular"])
-def test_kinks_stand_at_nodes_of_all_meshes(nodes: str) -> None:
-    """Beside the force, deflections are cubic: what the cable has, but for an element with a kink inside."""
+def test_kinks_are_at_nodes_of_all_meshes(nodes: str) -> None:
+    """On both sides of the force, deflections are cubic, as in the cable, except in an element with a kink inside."""
     said: list[str] = []
     reached = solve_to_accuracy(case(BETWEEN, f"{{type: cable, count: 3, nodes: {nodes}}}", "accuracy=1e-8"),
                                 tell=said.append)

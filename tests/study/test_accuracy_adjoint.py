@@ -1,4 +1,4 @@
-"""Where the error of a goal comes from: element by element by the adjoint, and meshes chosen by that."""
+"""The error of a goal element by element by the adjoint, and meshes chosen by it."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from ancf2d.study.goal import GoalValue, solve_for_goal
         "loads.0={type: distributed, on: beam, value: [0, -3e5]}"), 0.05),
     (CANTILEVER, "{type: reissner3, count: 3}", ("goal={probe: tip, quantity: M}", "output.probes.tip=beam@0.1"),
      0.02)])
-def test_the_adjoint_tells_what_a_mesh_twice_as_fine_changes(text, element, sets, tolerance):
-    """J(h/2) - J(h) = -z R, with second order left out: to round-off in linear statics."""
+def test_the_adjoint_predicts_the_change_on_a_mesh_twice_as_fine(text, element, sets, tolerance):
+    """J(h/2) - J(h) = -z R, without second order: to round-off in linear statics."""
     named = ("boundary_conditions.0.name=wall",)
     loaded = case(text, element, *named, *sets)
     coarse = with_setting(loaded, Setting({"beam": 6}))
@@ -39,7 +39,7 @@ def test_the_adjoint_tells_what_a_mesh_twice_as_fine_changes(text, element, sets
     assert len(found.elements["beam"]) == 6
 
 
-def test_the_adjoint_tells_bodies_apart_as_refining_each_alone_does():
+def test_the_adjoint_attributes_errors_to_bodies_like_refining_each_alone():
     loaded = case(TWO)
     counts = {"post": 2, "arm": 2}
     coarse = with_setting(loaded, Setting(counts))
@@ -53,7 +53,7 @@ def test_the_adjoint_tells_bodies_apart_as_refining_each_alone_does():
     assert near > far
 
 
-def test_forces_without_potential_have_no_adjoint_here():
+def test_forces_without_potential_have_no_adjoint():
     follower = case(CANTILEVER, "{type: cable, count: 3}",
                     "loads.0={type: follower_force, at: beam@1, value: [0, -500e3]}")
     coarse = with_setting(follower, Setting({"beam": 4}))
@@ -62,8 +62,8 @@ def test_forces_without_potential_have_no_adjoint_here():
 
 @pytest.mark.parametrize("element", ["omar", "kerkkanen", "vallejo", "cable", "reissner2", "reissner3", "2d2n-nu",
                                      "2d3n-nu"])
-def test_types_keep_the_order_that_meshes_are_chosen_by(element):
-    """Errors of the strain energy under a load along the beam fall with the order of the type at least."""
+def test_types_have_the_order_by_which_meshes_are_chosen(element):
+    """Errors of the strain energy under a load along the beam fall at least with the order of the type."""
     loaded = case(CANTILEVER, f"{{type: {element}, count: 2}}", "solver.type=linear_static",
                   "loads.0={type: distributed, on: beam, value: [0, -3e4]}", "goal={quantity: strain_energy}")
     promised = order_of(registry.element_type(element))
@@ -77,7 +77,7 @@ def level(value: float) -> Level:
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 3.0, 4.0])
-def test_neighbours_tell_the_error_of_a_power_law(order):
+def test_neighbours_estimate_the_error_of_a_power_law(order):
     """f = 1 + h^p/100: estimates are the safety factor times the true error, of the finest mesh twice it."""
     found = verdict_of(*(level(1.0 + 0.01 * (2.0**-k) ** order) for k in range(3)), 4.0)
     assert found.error == pytest.approx(SAFETY * 0.01 * 2.0**-order, rel=1e-9)
@@ -88,8 +88,10 @@ def test_neighbours_tell_the_error_of_a_power_law(order):
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 3.0, 4.0, 6.0])
 def test_a_finer_mesh_alone_bounds_the_error_of_every_order(order):
-    """f = 1 + h^p/100: the estimate is between 1.25 and 2.5 times the error of the coarser mesh, and of the finer one
-    not below its error."""
+    """f = 1 + h^p/100: the estimate is 1.25 to 2.5 times the error of the coarser mesh.
+
+    That of the finer one is not below its error.
+    """
     found = verdict_of_two(*(level(1.0 + 0.01 * (2.0**-k) ** order) for k in (1, 2)))
     assert SAFETY * 0.01 * 2.0**-order <= found.error * (1 + 1e-12) <= 2.0 * SAFETY * 0.01 * 2.0**-order
     assert found.finer_error >= SAFETY * 0.01 * 4.0**-order * (1 - 1e-12)
@@ -97,7 +99,7 @@ def test_a_finer_mesh_alone_bounds_the_error_of_every_order(order):
 
 
 def test_meshes_that_agree_by_chance_are_not_believed():
-    """The finer mesh has the same value, the coarser one is off: it counts as far as the type's order lets it."""
+    """The finer mesh has the same value, the coarser one differs: its difference counts at the type's order."""
     found = verdict_of(level(1.064), level(1.0), level(1.0 - 1e-12), 4.0)
     assert found.error >= 0.064 / 2.0**6
     assert verdict_of(level(0.8), level(0.8001), level(0.95), 4.0) is None
@@ -114,7 +116,7 @@ TENSE = CANTILEVER.replace("height: 0.1, width: 0.1}", "EA: 1e7, kGA: 1e7, EI: 0
 
 
 def test_finer_neighbours_alone_are_solved_until_a_layer_shows():
-    """The moment on the first meshes is off by factors; errors are relative to the value of each mesh."""
+    """The moment on the first meshes has errors of factors; errors are relative to the value of each mesh."""
     loaded = case(TENSE.replace("rx_y", "theta"), "{type: reissner3, count: 2}",
                   "accuracy=1e-2")
     found = solve_to_accuracy(loaded).accuracy
@@ -127,8 +129,10 @@ def test_finer_neighbours_alone_are_solved_until_a_layer_shows():
 
 
 def test_elements_are_short_in_the_layer_that_the_goal_depends_on():
-    """A beam clamped at both ends under tension T bends within sqrt(EI/T) of them: M = q L^2/4 (u - tanh u)/(u^2 tanh
-    u), u = L/2 sqrt(T/EI) (Timoshenko & Gere 1961, section 1.11)."""
+    """A beam clamped at both ends under tension T bends within sqrt(EI/T) of them.
+
+    M = q L^2/4 (u - tanh u)/(u^2 tanh u), u = L/2 sqrt(T/EI) (Timoshenko & Gere 1961, section 1.11).
+    """
     found = solve_to_accuracy(case(TENSE, "{type: cable, count: 2}", "accuracy=1e-3")).accuracy
     assert found["achieved"]
     u = 0.5 * 2.0 * np.sqrt(1e3 / 0.01)

@@ -1,4 +1,4 @@
-"""Meshes on the way to a wanted accuracy, what their sequence tells, and which of them is taken."""
+"""The series of meshes towards a required accuracy, its error estimate, and the chosen mesh."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pursued import BETWEEN, CANTILEVER, SLIDE, SWING, case
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.errors import ComputationError
-from ancf2d.study.accuracy.judging import SAFETY, best, choose, judge
+from ancf2d.study.accuracy.estimates import SAFETY, best, choose, judge
 from ancf2d.study.accuracy.mesh import Ladder
 from ancf2d.study.accuracy.pursuit import EstimateOf, Pursuit, tenth
 from ancf2d.study.accuracy.setting import Level, Setting, least
@@ -36,8 +36,8 @@ def test_a_known_level_is_not_solved_again():
     assert len(pursuit.levels) == 1
 
 
-def test_a_goal_that_no_mesh_has_is_told_with_the_reason():
-    """A bar that is pulled does not buckle."""
+def test_a_goal_that_no_mesh_has_is_reported_with_the_reason():
+    """A bar in tension does not buckle."""
     pulled = load_case_text(CANTILEVER.replace("ELEMENT", "{type: cable, count: 2}").replace("[0, -500e3]", "[1, 0]")
                             .replace("type: static", "type: buckling, modes: 1")
                             .replace("goal: {probe: tip, quantity: uy}", "goal: {load_factor: 1}"))
@@ -45,7 +45,7 @@ def test_a_goal_that_no_mesh_has_is_told_with_the_reason():
         solve_for_goal(pulled)
 
 
-def test_meshes_end_where_finer_ones_lack_the_goal():
+def test_the_series_ends_when_finer_meshes_lack_the_goal():
     """One element has a shear mode among its first ten; finer meshes have slower modes instead."""
     beam = load_case_text(CANTILEVER.replace("ELEMENT", "{type: vallejo, count: 2}")
                           .replace("type: static", "type: eigen, modes: 10")
@@ -68,13 +68,13 @@ def test_first_meshes_that_agree_by_chance_are_not_taken_for_round_off():
     assert error > 0.05
 
 
-def test_values_that_swing_about_their_limit_have_an_estimate():
+def test_values_that_alternate_about_their_limit_have_an_estimate():
     found, error = judge(levels_of({2: 1.1, 4: 0.98, 8: 1.004}))
     assert found.order is None
     assert 0.004 <= error <= 0.04
 
 
-def test_the_coarsest_mesh_that_will_do_is_taken_and_finer_ones_prove_it():
+def test_the_coarsest_sufficient_mesh_is_chosen_and_finer_ones_prove_it():
     levels = levels_of({n: 1.0 + n**-2 for n in (2, 4, 8, 16)})
     level, error, _ = choose(levels, 0.08)
     assert level is levels[1]
@@ -84,7 +84,7 @@ def test_the_coarsest_mesh_that_will_do_is_taken_and_finer_ones_prove_it():
 
 
 class Invented(Pursuit):
-    """A pursuit whose answers are a function of elements and tolerance."""
+    """A search whose answers are a function of elements and tolerance."""
 
     def __init__(self, loaded: LoadedCase, answer: Callable[[int, float | None], float]) -> None:
         super().__init__(loaded, 1e-3, Progress())
@@ -96,7 +96,7 @@ class Invented(Pursuit):
         return level
 
 
-def test_a_goal_without_a_limit_is_given_up():
+def test_a_goal_without_a_limit_is_abandoned():
     """f = 1 + log n: differences never fall."""
     pursuit = Invented(case(CANTILEVER, "{type: cable, count: 1}"), lambda n, tolerance: 1.0 + math.log(n))
     _, error, found = Ladder(pursuit, {}, None).climb(1e-3)
@@ -113,8 +113,8 @@ def test_a_mesh_that_costs_too_much_is_not_solved():
     assert max(level.setting.elements for level in pursuit.levels) <= 200_000
 
 
-def test_smaller_steps_are_taken_where_meshes_differ_because_of_them():
-    """f = 1 + n^-4 + what a tolerance leaves, of changing sign: meshes alone would never come closer."""
+def test_smaller_steps_are_used_if_meshes_differ_because_of_them():
+    """f = 1 + n^-4 + an error of the tolerance, of alternating sign: meshes alone would never converge."""
     def answer(n: int, tolerance: float | None) -> float:
         assert tolerance is not None
         return 1.0 + n**-4.0 + 30.0 * tolerance * math.cos(2.0 * n)
@@ -129,7 +129,7 @@ def test_smaller_steps_are_taken_where_meshes_differ_because_of_them():
 
 
 def test_leaps_keep_the_nodes_of_the_mesh_before_the_last():
-    """f = 1 + n^-3: the mesh that the order predicts is rounded up to halves of the last one."""
+    """f = 1 + n^-3: the mesh predicted from the order is rounded up to halves of the last one."""
     pursuit = Invented(case(CANTILEVER.replace("static", "linear_static"), "{type: cable, count: 1}"),
                        lambda n, tolerance: 1.0 + n**-3.0)
     Ladder(pursuit, {}, None).climb(1e-7)
@@ -139,7 +139,7 @@ def test_leaps_keep_the_nodes_of_the_mesh_before_the_last():
     assert max(pairwise(counts), key=lambda pair: pair[1] / pair[0])[1] > 2 * 8
 
 
-def test_the_best_is_kept_where_round_off_spoils_finer_meshes():
+def test_the_best_is_kept_if_round_off_spoils_finer_meshes():
     levels = levels_of({1: 1.1, 2: 1.025, 4: 1.00625, 8: 1.0015625, 16: 1.0004, 32: 1.5})
     assert choose(levels, 1e-6)[0] is levels[-1]
     level, error, _ = best(levels, 1e-6)
@@ -161,7 +161,7 @@ def test_polylines_begin_with_elements_of_one_length():
     assert least(case(odd).case.bodies["beam"]) == 2
 
 
-def test_a_body_begins_with_stretches_of_like_elements_and_refines_those() -> None:
+def test_a_body_begins_with_stretches_of_equal_elements_and_refines_those() -> None:
     loaded = case(BETWEEN)
     assert least(loaded.case.bodies["beam"], (0.0, 0.3, 1.0)) == 3
     assert least(loaded.case.bodies["beam"], (0.0, 0.25, 1.0)) == 4

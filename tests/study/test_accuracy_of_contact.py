@@ -1,4 +1,4 @@
-"""Solving to a wanted accuracy where contact decides: no mesh misses an obstacle, and steps of friction are judged."""
+"""Required accuracy with contact: every mesh sees the obstacle, and friction steps have an error estimate."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from ancf2d.case import LoadedCase, Static, load_case_text
 from ancf2d.study.accuracy.control import follows_way, solve_to_accuracy
-from ancf2d.study.accuracy.judging import judge, usable_levels
+from ancf2d.study.accuracy.estimates import judge, usable_levels
 from ancf2d.study.accuracy.setting import Level, Setting, with_setting
 from ancf2d.study.accuracy.steps import in_steps
 from ancf2d.study.goal import GoalValue, solve_for_goal
@@ -39,7 +39,7 @@ accuracy: {wanted}
 @pytest.mark.parametrize(("radius", "stiffness", "wanted"), [(0.005, "1e8", 5e-2), (0.02, "1e7", 1e-2),
                                                              (1.0, "1e7", 1e-3)])
 def test_meshes_are_refined_until_they_see_a_small_disc(radius: float, stiffness: str, wanted: float) -> None:
-    """The first four meshes of the smallest disc all pass it and agree to 1e-5."""
+    """The first four meshes of the smallest disc all miss it and agree to 1e-5."""
     loaded = onto_a_disc(radius, stiffness, wanted)
     reached = solve_to_accuracy(loaded)
     exact = solve_for_goal(with_setting(loaded, Setting({"rod": 256}))).answer
@@ -48,7 +48,7 @@ def test_meshes_are_refined_until_they_see_a_small_disc(radius: float, stiffness
 
 
 def test_rigid_bodies_that_an_obstacle_passes_reach_no_accuracy() -> None:
-    """A rigid bar is turned through a small disc."""
+    """A rigid bar is rotated through a small disc."""
     loaded = load_case_text(f"""
 bodies:
   rod: {ROD.replace("ELEMENT", "rigid")}
@@ -64,7 +64,7 @@ accuracy: 1e-2
     assert accuracy["estimate"] > 0.1
 
 
-def test_meshes_that_miss_an_obstacle_say_nothing_of_others() -> None:
+def test_meshes_that_miss_an_obstacle_are_not_used_in_estimates() -> None:
     levels = [Level(Setting({"rod": n}), "", GoalValue(f, 1.0), missed_by=off)
               for n, f, off in ((1, 0.5, 0.3), (2, 0.5, 0.2), (4, 0.5, 0.1), (8, 1.25, 0.0), (16, 1.0625, 0.0))]
     assert judge(levels[:3])[1] == pytest.approx(0.1)
@@ -74,7 +74,7 @@ def test_meshes_that_miss_an_obstacle_say_nothing_of_others() -> None:
 
 def over_a_drum(friction: float, wanted: float, law: str = "law: {stiffness: 1e7}, ", down: float = 0.1,
                 radius: float = 1.0) -> LoadedCase:
-    """Return a cantilever whose tip is moved down, over a drum that it rubs on."""
+    """Return a cantilever whose tip is moved down, over a drum with friction."""
     return load_case_text(f"""
 bodies:
   rod: {ROD.replace("ELEMENT", "{type: reissner3, count: 4}")}
@@ -105,7 +105,7 @@ def test_load_steps_of_friction_are_in_the_estimate(wanted: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("wanted", [1e-2, 1e-3, 1e-4])
 def test_estimates_of_friction_without_a_law_cover_the_error(wanted: float) -> None:
-    """One to five times of it, beside 96 elements with 40 load steps."""
+    """One to five times the error, compared with 96 elements and 40 load steps."""
     loaded = over_a_drum(0.3, wanted, law="", down=0.05)
     reached = solve_to_accuracy(loaded)
     fine = solve_for_goal(with_setting(loaded, Setting({"rod": 96}, steps={"steps": 40}))).answer
@@ -115,7 +115,7 @@ def test_estimates_of_friction_without_a_law_cover_the_error(wanted: float) -> N
 
 
 class Swept:
-    """Meshes whose error shows with short load steps only: what ``in_steps`` asks of a pursuit."""
+    """Meshes whose error shows only with short load steps: the interface that ``in_steps`` needs."""
 
     wanted = 1e-2
     loaded = SimpleNamespace(case=SimpleNamespace(solver=Static(steps=10)))
@@ -135,8 +135,8 @@ class Swept:
         return {"value": level.answer.value, "estimate": error, "achieved": error <= self.wanted, "of": level.setting}
 
 
-def test_meshes_are_judged_again_where_shorter_load_steps_show_their_errors() -> None:
-    """Meshes with 10 steps agree; with more, the first errs by 0.1, and a quarter of that with twice the elements."""
+def test_meshes_are_judged_again_with_shorter_load_steps() -> None:
+    """Meshes with 10 steps agree; with more, the first has an error of 0.1, and a quarter with twice the elements."""
     pursuit: Any = Swept(lambda n, steps: 0.0 if steps <= 10 else 0.1 * (4.0 / n) ** 2)
     accuracy = in_steps(pursuit, Level(Setting({"rod": 4}), "", GoalValue(1.0, 1.0)), 1e-4, judge([])[0])
     assert accuracy["achieved"]
@@ -149,7 +149,7 @@ def test_meshes_are_judged_again_where_shorter_load_steps_show_their_errors() ->
     assert accuracy["estimate"] >= 2.5e-3
 
 
-def test_load_steps_are_judged_where_the_way_counts() -> None:
+def test_load_steps_are_judged_if_the_solution_depends_on_the_path() -> None:
     assert follows_way(over_a_drum(0.3, 1e-2).case)
     assert not follows_way(over_a_drum(0.0, 1e-2).case)
     accuracy = solve_to_accuracy(over_a_drum(0.0, 1e-2)).accuracy
@@ -158,8 +158,8 @@ def test_load_steps_are_judged_where_the_way_counts() -> None:
 
 
 @pytest.mark.slow
-def test_where_the_way_counts_every_mesh_goes_it() -> None:
-    """From a state of another mesh, under the whole load, four elements stick elsewhere and are off by 9 %."""
+def test_every_mesh_follows_the_path_if_the_solution_depends_on_it() -> None:
+    """From a state of another mesh, under the full load, four elements stick elsewhere, with an error of 9 %."""
     loaded = over_a_drum(0.3, 5e-2, law="", down=0.5, radius=0.3)
     path = solve_to_accuracy(loaded).accuracy["path"]
     assert max(level["elements"] for level in path) >= 4

@@ -1,4 +1,4 @@
-"""Accuracy of goals that depend on the steps to them: over time, and along paths on which fibres unload."""
+"""Accuracy of goals that depend on steps: over time, and along paths with unloading fibres."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import pytest
 import ancf2d
 
 
-def test_accuracy_counts_steps_over_time() -> None:
-    """A bar of one Maxwell term is pulled and let go: one element has no error of its own, steps have one.
+def test_accuracy_includes_steps_over_time() -> None:
+    """A bar of one Maxwell term is loaded and unloaded: one element has no error of its own, steps have one.
 
     u(t) = F L/(E A) int J'(t - s) f(s) ds of the load f, a triangle of a second, with the creep
     J(t) = 1 - g/(1 + g) e^(-t/T), T = (1 + g) tau.
@@ -52,8 +52,8 @@ def truss(**solver: Any) -> dict[str, Any]:
             "goal": {"reaction": "base", "quantity": "fy"}, "output": {"probes": {"top": "left@1"}}}
 
 
-def test_accuracy_counts_steps_of_a_path() -> None:
-    """Bars that have yielded unload as a truss snaps through: where they turn back lies within a step."""
+def test_accuracy_includes_steps_of_a_path() -> None:
+    """Yielded bars unload as a truss snaps through: the reversal lies within a step."""
     exact = ancf2d.solve(truss(largest_step=0.004), states=False).value
     found = ancf2d.solve({**truss(), "accuracy": 2e-3}, states=False)
     assert found.accuracy["achieved"]
@@ -75,12 +75,12 @@ def test_steps_over_time_can_be_made_shorter() -> None:
 @pytest.mark.parametrize(("solver", "told"), [
     ({"method": "displacement", "largest_step": 0.01}, "method displacement has no largest step"),
     ({"largest_step": 0}, "solver.largest_step must be")])
-def test_steps_that_no_path_has_are_refused(solver: dict[str, Any], told: str) -> None:
+def test_steps_of_solvers_without_a_path_are_refused(solver: dict[str, Any], told: str) -> None:
     with pytest.raises(ancf2d.CaseError, match=told):
         ancf2d.load(truss(**solver))
 
 
-def test_materials_that_go_back_along_their_curve_have_no_steps_to_judge() -> None:
+def test_elastic_materials_have_no_error_of_steps() -> None:
     bar = {"geometry": h.line(1.0), "section": {"height": 0.01, "width": 0.01}, "element": h.element("cable", 1),
            "material": {"E": 2e11, "nu": 0.3, "stress_strain": {
                "strain": [0.00125, 0.02], "stress": [2.5e8, 3.2e8], "unloading": "curve"}}}

@@ -1,4 +1,4 @@
-"""Accuracy of bodies that yield: how far plastic zones reach into elements is another share on each mesh."""
+"""Accuracy of yielding bodies: plastic zones end at a different share of an element on each mesh."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def cantilever(kind: str, body: dict[str, Any], force: float, count: int, **more
     ("cable", UNIFORM, 420.0, 1e-3), ("reissner3", UNIFORM, 480.0, 1e-2), ("reissner3", LAYERS, 240.0, 1e-4)])
 def test_estimates_cover_the_error_of_plastic_zones(kind: str, body: dict[str, Any], force: float,
                                                     wanted: float) -> None:
-    """Two or three meshes may agree by chance, or show an order that the next does not have."""
+    """Two or three meshes may agree by chance, or show an order that the next one does not have."""
     limit = ancf2d.solve(cantilever(kind, body, force, 512, fibres=16), states=False).value
     found = ancf2d.solve({**cantilever(kind, body, force, 2, fibres=16), "accuracy": wanted}, states=False)
     assert found.accuracy["achieved"]

@@ -1,4 +1,4 @@
-"""Sound elements pass the examination, broken ones are found out, and every listed one goes through it."""
+"""Sound elements pass the audit, broken ones are detected, and every listed one completes it."""
 
 import audits
 import pytest
@@ -22,7 +22,7 @@ BASES_LOCK = {"poisson_locking_of_basis": "fail"}
     ("cable", dict.fromkeys(("patch_transverse", "patch_shear", "shear_factor", "shear_in_bending",
                              "poisson_locking_of_basis"), "note")),
     pytest.param("ancf[2,2]", {"slope_continuity": "note"}, marks=pytest.mark.slow)])
-def test_sound_elements_pass_but_for_what_they_have_not(name, others):
+def test_sound_elements_pass_apart_from_missing_features(name, others):
     found = audits.verdicts(subject(name))
     assert {k: v for k, v in found.items() if v != "pass"} == others
 
@@ -39,7 +39,7 @@ def test_an_element_of_twelve_coordinates_described_in_a_file(tmp_path):
 
 # all others go through for the tables of docs/audit.md: tests/scripts/test_audit_table.py
 @pytest.mark.parametrize("name", chosen(("omar", "cable", "reissner3", "ancf[3,1]"), ("omar",)))
-def test_every_listed_type_goes_through(name):
+def test_every_listed_type_completes_the_audit(name):
     done = []
     found = audit(subject(name), done=lambda share, check: done.append((share, check)))
     assert [a.check for a in found.results] == list(CHECKS)
@@ -51,7 +51,7 @@ def test_every_listed_type_goes_through(name):
         assert "cannot be computed" not in answer.finding.meaning
 
 
-def test_dependent_coordinates_are_found_out(tmp_path):
+def test_dependent_coordinates_are_detected(tmp_path):
     file = audits.written(tmp_path, ["1", "x", "y", "x*y", "x^2*y^2", "x^3"], "r", "r_x", "r_y")
     found = audits.find(file)
     assert found["solvability"].verdict == "fail"
@@ -60,15 +60,15 @@ def test_dependent_coordinates_are_found_out(tmp_path):
     assert {f.verdict for k, f in found.items() if k != "solvability"} == {"note"}
 
 
-def test_a_basis_that_is_lost_at_one_nu_is_found_out(tmp_path):
+def test_a_basis_that_is_singular_at_one_nu_is_detected(tmp_path):
     found = audits.find(audits.written(tmp_path, [*CUBIC[:4], "nu*x^2", "x^3"], "r", "r_x", "r_y"),
                         "solvability")["solvability"]
     assert found.verdict == "fail"
     assert "nu = 0" in found.meaning
 
 
-def test_a_missing_xy_is_found_out(tmp_path):
-    """Sections that turn like x^2 inside an element have 4/3 of the bending energy, however fine the mesh."""
+def test_a_missing_xy_is_detected(tmp_path):
+    """Sections that rotate like x^2 inside an element have 4/3 of the bending energy, on any mesh."""
     file = audits.written(tmp_path, ["1", "x", "y", "x^2*y", "x^2", "x^3"], "r", "r_x", "r_y")
     found = audits.find(file, "patch_bending", "reversal_symmetry", "order_static", "patch_axial")
     assert {k: f.verdict for k, f in found.items()} == {
@@ -76,7 +76,7 @@ def test_a_missing_xy_is_found_out(tmp_path):
     assert "wrong limit" in found["order_static"].meaning
 
 
-def test_reduced_quadrature_that_leaves_hourglass_modes_is_found_out(tmp_path):
+def test_reduced_quadrature_with_hourglass_modes_is_detected(tmp_path):
     file = audits.written(tmp_path, CUBIC, "r", "r_x", "r_y", quadrature=[2, 2])
     found = audits.find(file, "zero_energy_modes", "spurious_branch", "thickness_locking", "order_static")
     assert found["zero_energy_modes"].value == 2
@@ -85,17 +85,17 @@ def test_reduced_quadrature_that_leaves_hourglass_modes_is_found_out(tmp_path):
     assert full["zero_energy_modes"].verdict == "pass"
 
 
-def test_an_element_that_has_no_linear_field_is_found_out(tmp_path):
+def test_an_element_without_a_linear_field_is_detected(tmp_path):
     file = audits.written(tmp_path, ["1", "x + x^2", "y", "x*y"], "r", "r_y")
     assert audits.find(file, "completeness")["completeness"].verdict == "fail"
 
 
-def test_an_element_that_is_another_upside_down_is_found_out(tmp_path):
+def test_an_element_that_differs_upside_down_is_detected(tmp_path):
     file = audits.written(tmp_path, ["1", "x", "y", "x*y", "x^2 + x^2*y", "x^3"], "r", "r_x", "r_y")
     assert audits.find(file, "mirror_symmetry")["mirror_symmetry"].verdict == "fail"
 
 
-def test_all_that_is_wrong_with_a_file_is_told_where_it_stands(tmp_path):
+def test_all_problems_of_a_file_are_reported_with_their_lines(tmp_path):
     file = audits.written(tmp_path, ["1", "x^^2", "y", "sin(x)"], "r", "r_y")
     with pytest.raises(CaseError) as caught:
         subject(file)
@@ -109,13 +109,13 @@ def test_all_that_is_wrong_with_a_file_is_told_where_it_stands(tmp_path):
     ("2d2n", {"formulation": "enhanced"}, "--formulation: error: 2d2n has no formulation enhanced"),
     ("cable", {"quadrature": "exact"}, "--quadrature: error: no finite quadrature"),
     ("missing.yaml", {}, "cannot read the file")])
-def test_what_cannot_be_examined_is_refused_in_the_words_of_the_command_line(name, options, words):
+def test_elements_that_cannot_be_audited_are_refused_with_options_of_the_command_line(name, options, words):
     with pytest.raises(CaseError, match=words):
         subject(name, **options)
 
 
-def test_forces_that_know_a_direction_are_found_out(monkeypatch):
-    """A spring in x beside the element: rigid motion is resisted, and turning changes the energy."""
+def test_direction_dependent_forces_are_detected(monkeypatch):
+    """A spring in x next to the element: rigid motion is resisted, and rotation changes the energy."""
     sound = patches.elastic
 
     def held(model, d):
@@ -128,7 +128,7 @@ def test_forces_that_know_a_direction_are_found_out(monkeypatch):
         ("rigid_motion", "objectivity"), "fail")
 
 
-def test_a_response_that_depends_on_the_direction_of_the_beam_is_found_out(monkeypatch):
+def test_a_response_that_depends_on_the_direction_of_the_beam_is_detected(monkeypatch):
     sound = patches.tip_deflection
     monkeypatch.setattr(patches, "tip_deflection",
                         lambda s, *a, angle=0.0, **k: sound(s, *a, angle=angle, **k) * (1 + 1e-6 * angle))

@@ -1,4 +1,4 @@
-"""What the examination must find by itself: of listed types, and of their bases under a neutral name."""
+"""Known properties that the audit must find by itself: of listed types, and of their bases under a neutral name."""
 
 import audits
 import helpers
@@ -12,7 +12,7 @@ from ancf2d.study.audit.subject import subject
 
 @pytest.fixture(params=["listed", "described"])
 def named(request, tmp_path):
-    """Return the file or the name under which a listed type is examined; a file tells nothing by its name."""
+    """Return the file or name under which a listed type is audited; a file does not reveal its name."""
     def name(kind: str) -> str:
         if request.param == "listed":
             return kind
@@ -75,7 +75,7 @@ def test_the_shear_factor_of_the_paper_is_one_half(kind):
     assert found.verdict == "fail"
 
 
-def test_a_shear_factor_is_found_whatever_it_is_called(tmp_path):
+def test_a_shear_factor_is_found_under_any_name(tmp_path):
     file = audits.written(tmp_path, ["1", "x", "y", "x*y", "x^2", "x^3"], "r", "r_x", "r_y", shear_factor=0.7)
     assert audits.find(file, "shear_factor")["shear_factor"].value == pytest.approx(0.7, rel=1e-9)
 
@@ -111,16 +111,16 @@ def test_linear_elements_with_full_quadrature_lock_in_shear():
 
 
 @pytest.mark.parametrize("kind", ["reissner2", "kerkkanen"])
-def test_what_shear_takes_is_not_blamed_on_nu(kind):
-    """Locking in shear depends on nu by G, but goes with the mesh."""
+def test_shear_locking_is_not_attributed_to_nu(kind):
+    """Locking in shear depends on nu through G, but vanishes with the mesh."""
     formulation = {"reissner2": None, "kerkkanen": "structural"}[kind]
     found = audits.find(kind, "shear_locking", "poisson_locking", formulation=formulation, quadrature=[2, 1])
     assert {k: f.verdict for k, f in found.items()} == {"shear_locking": "fail", "poisson_locking": "note"}
     assert found["shear_locking"].meaning.endswith("to shear strain")
 
 
-def test_the_strain_that_takes_the_deflection_is_named():
-    """Full integration of quadratic elements: the axis bent far cannot keep its length."""
+def test_the_locking_strain_is_named():
+    """Full integration of quadratic elements: the axis in large bending cannot keep its length."""
     found = audits.find("reissner3", "shear_locking", "thickness_locking", quadrature=[5, 1])
     assert found["shear_locking"].meaning.endswith("to shear strain")
     assert found["thickness_locking"].meaning.endswith("to axial strain")
@@ -128,13 +128,13 @@ def test_the_strain_that_takes_the_deflection_is_named():
 
 
 @pytest.mark.parametrize("kind", ["vallejo", "2d2n", "cable", "reissner3"])
-def test_damping_is_that_of_the_stiffness_and_leaves_rigid_motion_alone(kind):
+def test_damping_is_proportional_to_stiffness_and_zero_for_rigid_motion(kind):
     found = audits.find(kind, "damping")["damping"]
     assert found.verdict == "pass"
     assert found.value < 1e-9
 
 
-def test_a_damping_matrix_that_is_not_of_the_stiffness_is_found_out(monkeypatch):
+def test_a_damping_matrix_not_proportional_to_stiffness_is_detected(monkeypatch):
     """One entry of its diagonal is 1 % too large."""
     sound = RateForces.viscous_matrix
 
@@ -149,8 +149,8 @@ def test_a_damping_matrix_that_is_not_of_the_stiffness_is_found_out(monkeypatch)
     assert "damping ratios differ" in found.meaning
 
 
-def test_viscous_forces_that_do_not_turn_with_the_body_are_found_out(monkeypatch):
-    """Those of the reference damp small motions as they should, but resist a body that spins once it has turned."""
+def test_viscous_forces_that_do_not_turn_with_the_body_are_detected(monkeypatch):
+    """Forces of the reference damp small motions correctly, but resist a spinning body once it has rotated."""
     sound = RateForces.viscous_forces
     monkeypatch.setattr(RateForces, "viscous_forces", lambda self, d, v: sound(self, np.zeros_like(d), v))
     found = audits.find("vallejo", "damping")["damping"]

@@ -1,4 +1,4 @@
-"""Laws of materials pass the examination in each formulation that bears them, and broken ones are found out."""
+"""Laws of materials pass the audit in each formulation that supports them, and broken ones are detected."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ancf2d.study.audit.subject import subject
     pytest.param("cable", None, "viscoelastic, yield, curve", marks=pytest.mark.slow),
     pytest.param("vallejo", "structural", "viscoelastic, yield, curve", marks=pytest.mark.slow),
     pytest.param("2d3n-nu", "continuum", "viscoelastic, neo_hooke", marks=pytest.mark.slow)])
-def test_laws_pass_in_the_formulations_that_bear_them(name: str, formulation: str | None, told: str) -> None:
+def test_laws_pass_in_the_formulations_that_support_them(name: str, formulation: str | None, told: str) -> None:
     found = audit(subject(name, None, formulation), LAW_CHECKS).results
     assert [a.check.name for a in found] == [c.name for c in LAW_CHECKS]
     for answer in found:
@@ -25,8 +25,8 @@ def test_laws_pass_in_the_formulations_that_bear_them(name: str, formulation: st
         assert f"({told})" in answer.finding.meaning
 
 
-def test_broken_laws_are_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A tangent off by 1e-4, stored energy that is too much, forces that do not turn, loss that grows."""
+def test_broken_laws_are_detected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tangent with an error of 1e-4, too much stored energy, forces that do not turn, growing loss."""
     s = subject("reissner2")
     known: Any = laws.to_sparse
     monkeypatch.setattr(laws, "to_sparse", lambda *a: 1.0001 * known(*a))

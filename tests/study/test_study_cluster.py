@@ -27,7 +27,7 @@ HERE = Path(__file__).parent
 
 @contextmanager
 def dask(folder: Path, *arguments: str, **more: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Run ``dask`` with the jobs of these tests importable, and end it."""
+    """Run ``dask`` with access to the jobs of these tests, and end it."""
     path = os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, "PYTHONPATH": path, **more}
     with (folder / "dask.log").open("ab") as log:
@@ -94,8 +94,8 @@ def test_another_version_on_a_worker_is_refused(address: str, monkeypatch: pytes
         run_jobs(square, [1.0], Workers(scheduler=address), minus)
 
 
-def test_functions_that_workers_do_not_have_are_told(address: str, tmp_path: Path,
-                                                     monkeypatch: pytest.MonkeyPatch) -> None:
+def test_functions_missing_on_workers_are_reported(address: str, tmp_path: Path,
+                                                   monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "only_here.py").write_text("def same(x):\n    return x\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     from only_here import same
@@ -104,7 +104,7 @@ def test_functions_that_workers_do_not_have_are_told(address: str, tmp_path: Pat
         run_jobs(same, [1.0], Workers(scheduler=address), minus)
 
 
-def test_death_of_a_worker_is_the_end_of_its_job_alone(address: str) -> None:
+def test_death_of_a_worker_ends_only_its_job(address: str) -> None:
     assert run_jobs(die, [2], Workers(scheduler=address), minus) == [-2]
     assert run_jobs(die, [0, 1], Workers(scheduler=address), minus) == [0, 1]
 
@@ -112,17 +112,17 @@ def test_death_of_a_worker_is_the_end_of_its_job_alone(address: str) -> None:
 @pytest.mark.parametrize(("begin", "said"), [
     (lambda address: "tcp://127.0.0.1:1", "there is no Dask scheduler at tcp://127.0.0.1:1"),
     (lambda address: address, "has no workers")], ids=["no scheduler", "no workers"])
-def test_what_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, begin: Callable[[str], str],
-                                   said: str) -> None:
+def test_a_missing_scheduler_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, begin: Callable[[str], str],
+                                         said: str) -> None:
     monkeypatch.setattr(pool, "CONNECT", 2.0)
     monkeypatch.setattr(pool, "WORKERS", 0.5)
     with scheduler(tmp_path) as lonely, pytest.raises(ComputationError, match=said):
         run_jobs(square, [1.0], Workers(scheduler=begin(lonely)), minus)
 
 
-def test_a_scheduler_that_is_lost_is_told_in_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-                                                        capfd: pytest.CaptureFixture[str]) -> None:
-    """Nothing else is said, although Dask logs tracebacks of it."""
+def test_a_lost_scheduler_is_reported_in_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                                      capfd: pytest.CaptureFixture[str]) -> None:
+    """Nothing else is printed, although Dask logs tracebacks."""
     monkeypatch.setattr(pool, "CONNECT", 2.0)
     began = tmp_path / "began"
     began.mkdir()
@@ -142,6 +142,6 @@ def test_a_scheduler_that_is_lost_is_told_in_a_sentence(tmp_path: Path, monkeypa
     assert capfd.readouterr().err == ""
 
 
-def test_files_are_named_so_that_workers_elsewhere_find_them() -> None:
+def test_files_have_paths_that_other_workers_can_find() -> None:
     assert Workers(scheduler="tcp://127.0.0.1:8786").file("a.h5") == str(Path.cwd() / "a.h5")
     assert Workers(2).file("a.h5") == "a.h5"

@@ -1,4 +1,4 @@
-"""Convergence of real cases, against what the mathematics of their elements says."""
+"""Convergence of real cases, compared with the mathematics of their elements."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def values(study: Convergence) -> list[float | None]:
     return [row.value for row in study.rows]
 
 
-def test_linear_elements_with_one_point_converge_as_their_closed_form_says() -> None:
+def test_linear_elements_with_one_point_converge_like_their_closed_form() -> None:
     """Tip deflection F L^3/(3 EI) (1 - 1/(4 n^2)) + F L/kGA.
 
     Source: Hughes, Taylor & Kanoknukulchai, IJNME 11 (1977) 1529, the one-point element on a tip force.
@@ -70,7 +70,7 @@ def test_cubic_elements_are_exact_at_nodes_and_so_have_no_order() -> None:
 
 
 def test_slow_approach_is_not_called_asymptotic_and_its_bar_covers_the_limit() -> None:
-    """2d3n locks on coarse meshes; the beam's deflection is within its error bar all the same."""
+    """2d3n locks on coarse meshes; the beam's deflection is still within its error bar."""
     found = convergence(load(), parse_variants("2d3n"), [4, 8, 16, 32]).series[0].estimate
     assert not found.asymptotic
     assert "not asymptotic" in found.note
@@ -79,7 +79,7 @@ def test_slow_approach_is_not_called_asymptotic_and_its_bar_covers_the_limit() -
     assert abs(found.value - (BENDING + SHEAR)) < found.error_bar
 
 
-def test_default_meshes_double_from_the_cases_own() -> None:
+def test_default_meshes_double_from_that_of_the_case() -> None:
     assert [row.elements for row in convergence(load()).rows] == [2, 4, 8, 16, 32]
 
 
@@ -99,7 +99,7 @@ def test_overrides_of_the_case_hold_on_every_mesh() -> None:
 
 
 def test_failed_meshes_are_rows_and_the_rest_is_judged() -> None:
-    """One Newton iteration is not enough for a bending beam, and is for none of its meshes."""
+    """One Newton iteration is not enough for bending on any of its meshes."""
     text = CANTILEVER.replace("linear_static}", "static, max_iterations: 1}").replace(str(F), "-600")
     study = convergence(load(text), meshes=[2, 4])
     assert [row.status for row in study.rows] == ["failed", "failed"]
@@ -110,7 +110,7 @@ def test_failed_meshes_are_rows_and_the_rest_is_judged() -> None:
     assert found["extrapolated"] is None
 
 
-def test_bodies_are_refined_in_proportion_and_what_cannot_be_is_said() -> None:
+def test_bodies_are_refined_in_proportion_and_exceptions_are_reported() -> None:
     first = ("  first:\n    geometry: {type: line, start: [-1, 0], end: [0, 0]}\n"
              f"    section: {{EA: 1.0e6, kGA: {KGA}, EI: {EI}}}\n    element: {{type: reissner2, count: 1}}\n")
     half = CANTILEVER.replace("bodies:\n", "bodies:\n" + first)
@@ -143,7 +143,7 @@ def test_wrong_case_is_reported_where_it_is_wrong() -> None:
 
 
 def test_error_of_a_small_value_is_relative_to_the_largest_of_its_kind() -> None:
-    """The tip's ux is round-off beside uy: judged against 1e-3 of the largest displacement."""
+    """The tip's ux is round-off compared with uy: judged against 1e-3 of the largest displacement."""
     loaded = load(CANTILEVER, "goal.quantity=ux")
     states = []
     outcome = run_case(loaded, progress=Progress(state=states.append))
@@ -157,8 +157,8 @@ def test_error_of_a_small_value_is_relative_to_the_largest_of_its_kind() -> None
     assert "round-off" in found.note
 
 
-def test_error_of_what_has_not_moved_at_all_is_nothing() -> None:
-    """Displacements of 1e-123 are none, though no digit of them is the same on two meshes."""
+def test_the_error_of_zero_displacements_is_zero() -> None:
+    """Displacements of 1e-123 count as zero, though none of their digits agree between meshes."""
     loaded = load(CANTILEVER)
     outcome = run_case(loaded)
     assert loaded.case.goal is not None
@@ -168,7 +168,7 @@ def test_error_of_what_has_not_moved_at_all_is_nothing() -> None:
 
 
 def test_phases_on_both_sides_of_pi_are_neighbours() -> None:
-    """Phases that tend to pi + 0.03 with order 2, each told between -pi and pi."""
+    """Phases that tend to pi + 0.03 with order 2, each reported between -pi and pi."""
     wanted = [math.pi + 0.03 - 0.16 / 4**k for k in range(4)]
     told = [math.remainder(p, 2 * math.pi) for p in wanted]
     assert told[0] > 3 > -3 > told[-1]
@@ -189,7 +189,7 @@ def test_expected_value_that_is_not_computed_is_not_met() -> None:
     assert (missing["met"], missing["value"], missing["difference"]) == (False, None, None)
 
 
-def test_element_of_the_users_own_is_refined_too(tmp_path: Path) -> None:
+def test_a_custom_element_is_refined_too(tmp_path: Path) -> None:
     (tmp_path / "own.yaml").write_text(
         "name: mine\nbasis: ['1', 'x', 'x^2', 'x^3']\nnodes: [{at: 0, coordinates: [r, r_x]}, {at: 1, coordinates: "
         "[r, r_x]}]\n")
@@ -216,7 +216,7 @@ output: {interval: 0.02, probes: {tip: rod@1}}
 """
 
 
-def test_motion_converges_over_time_steps_by_the_order_of_its_integrator() -> None:
+def test_motion_converges_over_time_steps_with_the_order_of_its_integrator() -> None:
     study = convergence(load_case_text(SWING + "\n", vocabulary=vocabulary(), overrides=(
         "solver.method=generalized_alpha",)), steps=Steps("dt", (2e-3, 1e-3, 5e-4, 2.5e-4)))
     assert study.over == "dt"
@@ -239,15 +239,15 @@ def test_motion_converges_over_meshes() -> None:
     assert len(study.rows[0].answer.course) == 16
 
 
-def test_steps_of_a_case_that_does_not_move_are_refused() -> None:
+def test_time_steps_of_a_static_case_are_refused() -> None:
     text = SWING.replace("{type: dynamic, t_end: 0.3, tolerance: 1e-7}", "{type: static}").replace(
         "initial: {rotation_rate: {omega: 1, about: [0, 0]}}\n", "").replace("interval: 0.02, ", "")
     with pytest.raises(CaseError, match="no time steps to refine"):
         convergence(load_case_text(text, vocabulary=vocabulary()), steps=Steps("dt", (1e-3,)))
 
 
-def test_kinks_inside_elements_are_told_where_the_case_wants_equal_elements() -> None:
-    """With nodes where the load acts the first mesh is exact; without, what the kink spoils is no order."""
+def test_kinks_inside_elements_are_reported_with_regular_nodes() -> None:
+    """With nodes at the load the first mesh is exact; without, a kink inside elements spoils the order."""
     between = CANTILEVER.replace("beam@1", "beam@0.3").replace("reissner2", "reissner3")
     acting, regular = (convergence(load(between.replace("count: 2", f"count: 2, nodes: {nodes}")), meshes=[4, 8, 16])
                        for nodes in ("acting", "regular"))
@@ -260,8 +260,8 @@ def test_kinks_inside_elements_are_told_where_the_case_wants_equal_elements() ->
 
 
 @pytest.mark.parametrize(("apart", "told"), [(1e-5, True), (1e-2, False)])
-def test_meshes_of_a_motion_that_differ_no_more_than_its_time_steps_err_say_so(apart: float, told: bool) -> None:
-    """Differences that grow, below and above a hundred times the tolerance of the steps, 1e-5."""
+def test_mesh_differences_below_the_error_of_time_steps_are_reported(apart: float, told: bool) -> None:
+    """Growing differences, below and above a hundred times the tolerance of the steps, 1e-5."""
     values = [1.0, 1.0 + apart / 3, 1.0 - apart]
     rows = [Row("reissner3", "", n, answer=GoalValue(x, 1.0)) for n, x in zip((2, 4, 8), values, strict=True)]
     series = Series(rows, estimate([2.0, 4.0, 8.0], values, 1.0), None)
@@ -293,7 +293,7 @@ def test_rigid_bodies_have_no_mesh_to_refine_but_their_motions_have_steps() -> N
     assert [row.status for row in study.rows] == ["converged", "converged"]
 
 
-def test_an_accuracy_is_reached_where_nothing_has_a_mesh() -> None:
+def test_an_accuracy_is_reached_without_any_mesh() -> None:
     from ancf2d.study.accuracy.control import solve_to_accuracy
 
     loaded = rigid("{type: static}")

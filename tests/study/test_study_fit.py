@@ -1,4 +1,4 @@
-"""Numbers that data tell: recovered from closed forms and from the case itself, with errors that are true."""
+"""Fitted parameters: recovered from closed forms and from the case itself, with true standard errors."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def strip_fit(seed: int, start: dict[str, float] | None = None) -> Fit:
 
 
 def deviations(found: Fit) -> list[float]:
-    """Return how many standard errors the fitted numbers of the strip are away from the true ones."""
+    """Return the errors of the fitted parameters of the strip in standard errors."""
     errors = [row.standard_error for row in found.rows]
     assert all(errors)
     return [(row.value - true) / float(error or 0.0) for row, true, error in
@@ -61,7 +61,7 @@ def deviations(found: Fit) -> list[float]:
 
 @pytest.mark.slow
 def test_stiffness_and_damping_of_a_measured_vibration() -> None:
-    """The data are those of a sum over modes, with noise; the guess is 14 and 50 % off."""
+    """The data are a sum over modes with noise; the guess has errors of 14 and 50 %."""
     found = strip_fit(1)
     assert max(map(abs, deviations(found))) < 3.0
     # what the noise leaves undetermined: some parts in a thousand, and some percent
@@ -73,14 +73,14 @@ def test_stiffness_and_damping_of_a_measured_vibration() -> None:
 
 @pytest.mark.slow
 def test_standard_errors_are_those_of_many_measurements() -> None:
-    """Deviations beside standard errors are normal with variance 1; docs/fits.md has a hundred."""
+    """Deviations over standard errors are normal with variance 1; docs/fits.md has a hundred."""
     found = np.array([deviations(strip_fit(seed, {E: strip.E, TAU: strip.TAU})) for seed in range(16)])
     assert (np.sum(np.abs(found) < 2.0, axis=0) >= 12).all()
     assert np.std(found, axis=0) == pytest.approx([1.0, 1.0], abs=0.5)
     assert (abs(found.mean(axis=0)) < 5.0 / 4.0).all()
 
 
-def test_measured_load_factors_are_ends_of_steps_where_contact_begins() -> None:
+def test_measured_load_factors_are_ends_of_steps() -> None:
     """The path has a kink where the beam meets the floor, which no curve through other states follows."""
     case = ancf2d.load(BENT + "obstacles: {floor: {type: half_plane, through: [0, -0.2], normal: [0, 1]}}\n"
                        "contacts: [{between: [beam, floor], side: axis}]\n")
@@ -106,8 +106,8 @@ def path_of(EI: float, pull: float, factors: list[float]) -> dict[str, Any]:
 
 
 @pytest.mark.slow
-def test_an_equilibrium_path_tells_stiffness_and_load() -> None:
-    """A pull stiffens the beam as EI does, but the more the further it is bent; without noise both are told exactly."""
+def test_an_equilibrium_path_determines_stiffness_and_load() -> None:
+    """A tension stiffens the beam like EI, but more for larger bending; without noise both are exact."""
     factors = [0.2, 0.4, 0.6, 0.8, 1.0]
     data = path_of(1250.0, 200.0, factors)
     data["tip.theta"][2] = np.nan
@@ -121,8 +121,8 @@ def test_an_equilibrium_path_tells_stiffness_and_load() -> None:
 
 
 @pytest.mark.slow
-def test_the_force_of_a_held_bar_tells_how_it_relaxes() -> None:
-    """F = E A e (1 + g exp(-t/tau)), measured seldom, at times that are no ends of steps."""
+def test_the_force_of_a_bar_at_constant_strain_determines_its_relaxation() -> None:
+    """F = E A e (1 + g exp(-t/tau)), measured at few times that are not ends of steps."""
     case = """\
 bodies:
   bar:
@@ -149,7 +149,7 @@ output:
 @pytest.mark.parametrize(("low", "high", "told"), [
     (100, 1e4, None), (1100, 1500, "is 1000 in the case, beyond the bound 1100: the search starts at 1284.52"),
     (100, 950, "is 1000 in the case, beyond the bound 950"), (1000, 1500, "is 1000 in the case, at the bound 1000")])
-def test_a_search_that_does_not_start_where_the_case_is_says_so(low: float, high: float, told: str | None) -> None:
+def test_a_search_with_another_start_than_the_case_says_so(low: float, high: float, told: str | None) -> None:
     found = fitted(BENT, data_of(path_of(1250.0, 0.0, [0.5, 1.0])), f"{EI}={low:g}:{high:g}")
     said = [text for text in found.warnings if "the search starts" in text]
     assert (told is None and not said) or (len(said) == 1 and f"{EI} {told}" in said[0])
@@ -157,7 +157,7 @@ def test_a_search_that_does_not_start_where_the_case_is_says_so(low: float, high
 
 
 @pytest.mark.slow
-def test_what_the_data_do_not_tell_has_no_standard_error() -> None:
+def test_undetermined_parameters_have_no_standard_error() -> None:
     data = path_of(1250.0, 0.0, [0.5, 1.0])
     found = fitted(BENT, data_of(data), f"{EI}=100:1e4", "bodies.beam.section.rhoA=0.5:2")
     assert found.rows[0].value == pytest.approx(1250.0, rel=1e-6)
@@ -170,7 +170,7 @@ def test_what_the_data_do_not_tell_has_no_standard_error() -> None:
 
 
 @pytest.mark.slow
-def test_a_response_over_the_frequency_tells_mass_and_damping() -> None:
+def test_a_frequency_response_determines_mass_and_damping() -> None:
     case = BENT.replace("solver: {type: static}", "solver: {type: frequency_response, inputs: [tip], from: 1, to: 20}\n"
                         "damping: {rayleigh: {alpha: 2, beta: 0}}")
     hz = np.linspace(1.0, 6.0, 21)
@@ -195,7 +195,7 @@ def test_noise_given_for_columns_weights_them() -> None:
 
 @pytest.mark.slow
 def test_several_starts_find_the_best_minimum() -> None:
-    """Over a resonance in a narrow band, a search that begins on the wrong side of the band sees no peak to move."""
+    """In a narrow band around a resonance, a search that starts on the wrong side of the band sees no peak."""
     case = BENT.replace("solver: {type: static}", "solver: {type: frequency_response, inputs: [tip], from: 1, to: 20}\n"
                         "damping: {rayleigh: {alpha: 0.5, beta: 0}}")
     hz = [f for f in np.linspace(3.6, 4.6, 7)]
@@ -215,7 +215,7 @@ def test_several_starts_find_the_best_minimum() -> None:
 
 # ---------------------------------------------------------------------------- files
 
-def test_the_fitted_case_keeps_the_words_of_its_file(tmp_path: Path) -> None:
+def test_the_fitted_case_keeps_the_text_of_its_file(tmp_path: Path) -> None:
     (tmp_path / "bent.yaml").write_text(BENT)
     loaded = load(tmp_path / "bent.yaml")
     found = fit(loaded, data_of(path_of(1250.0, 0.0, [0.5, 1.0])), read_bounds([f"{EI}=100:1e4"]))
@@ -241,7 +241,7 @@ def test_the_fitted_case_keeps_the_words_of_its_file(tmp_path: Path) -> None:
         assert results.tables["fitted"].units["model tip.uy"] == "m"
 
 
-def test_wrong_data_are_told_with_their_lines(tmp_path: Path) -> None:
+def test_wrong_data_are_reported_with_their_lines(tmp_path: Path) -> None:
     file = tmp_path / "data.csv"
     file.write_text("factor,tip.uy\n0.5,1\n0.7\n1,x\n")
     with pytest.raises(CaseError) as found:
@@ -253,14 +253,14 @@ def test_wrong_data_are_told_with_their_lines(tmp_path: Path) -> None:
             read_data(str(file))
 
 
-def test_everything_wrong_with_a_fit_is_told_at_once() -> None:
+def test_all_problems_of_a_fit_are_reported_at_once() -> None:
     data = data_of({"factor": [0.5, 2.0], "tap.uy": [1.0, 2.0], "tip.uz": [1.0, 2.0], "tip.vx": [1.0, 2.0],
                     "tip_uy": [1.0, 2.0]})
     with pytest.raises(CaseError) as found:
         fitted(BENT, data, f"{EI}=-1:1", "bodies.beam.section.EJ=1:2", sigma={"tip.ux": 1.0})
     told = " ".join(p.message for p in found.value.problems)
-    for text in ("go from 0.5 to 2", "no probe 'tap'", "'uz' is no quantity", "a static state has no vx", "must be > 0",
-                 "EJ", "no column 'tip.ux'", "'tip_uy' is no PROBE.QUANTITY"):
+    for text in ("range from 0.5 to 2", "no probe 'tap'", "'uz' is not a quantity", "a static state has no vx",
+                 "must be > 0", "EJ", "no column 'tip.ux'", "'tip_uy' is not PROBE.QUANTITY"):
         assert text in told
     with pytest.raises(CaseError, match="the solver of the case is static"):
         fitted(BENT, data_of({"t": [1.0, 2.0], "tip.uy": [1.0, 2.0]}), f"{EI}=1:2")
@@ -269,7 +269,7 @@ def test_everything_wrong_with_a_fit_is_told_at_once() -> None:
     assert len(found.value.problems) == 6
 
 
-def test_a_file_of_something_else_is_told_once(tmp_path: Path) -> None:
+def test_a_file_of_another_kind_is_reported_once(tmp_path: Path) -> None:
     (tmp_path / "case.yaml").write_text("# a case\nbodies: {a: 1, b: 2}\n" * 20, encoding="utf-8")
     with pytest.raises(CaseError, match="the first column is '# a case'; expected t, factor or hz"):
         read_data(str(tmp_path / "case.yaml"))
@@ -289,7 +289,7 @@ def test_columns_without_a_value_and_infinite_numbers_are_named() -> None:
         "column tip.ux has no value", "column tip.uy holds an infinite number"]
 
 
-def test_fits_from_python_solve_on() -> None:
+def test_fits_from_python_can_be_solved() -> None:
     data = path_of(1250.0, 0.0, [0.5, 1.0])
     found = ancf2d.fit(BENT, data, {EI: (100.0, 1e4)})
     solved = ancf2d.solve(BENT, found.overrides(), states=False)
@@ -298,7 +298,7 @@ def test_fits_from_python_solve_on() -> None:
 
 @pytest.mark.slow
 def test_columns_of_round_off_count_as_the_largest_of_their_kind() -> None:
-    """A strip slides along x: what it does across is round-off, and so is its rotation; friction follows from the rest.
+    """A strip slides along x: its transverse displacement and rotation are round-off; friction follows from the rest.
 
     Beside their own ranges, differences of round-off would outweigh all others.
     """
@@ -321,7 +321,7 @@ def test_columns_of_round_off_count_as_the_largest_of_their_kind() -> None:
 
 @pytest.mark.slow
 def test_files_of_motions_with_controllers_and_moving_points_can_be_fitted(tmp_path: Path) -> None:
-    """What ``export`` writes of a motion is data of the same motion, with what a controller puts out."""
+    """An exported motion is data of the same motion, including outputs of controllers."""
     case = {"parameters": {"target": 0.3, "speed": 5.0},
             "bodies": {"b": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
                              "section": {"EA": 1e5, "EI": 10, "rhoA": 1}, "element": {"type": "cable", "count": 2}}},

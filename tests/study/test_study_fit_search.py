@@ -1,4 +1,4 @@
-"""The search of a fit: how many runs it takes, and derivatives of what motions have where something was measured."""
+"""The search of a fit: its number of runs, and derivatives of motions at measured times only."""
 
 from __future__ import annotations
 
@@ -20,8 +20,10 @@ CASE = ARM.replace(", damping: 2", "")
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_five_numbers_of_a_motion_in_few_runs(name: str) -> None:
-    """Exact derivatives at the guess and near the minimum, with Broyden's updates between them; differences alone
-    would be ten runs for each step of the search, and several periods that are out of step 25 runs and more."""
+    """Exact derivatives at the guess and near the minimum, with Broyden's updates in between.
+
+    Differences alone would need ten runs for each step of the search, and several periods out of step 25 runs and more.
+    """
     scene, few = SCENES[name], "2.5 periods" in name
     run = ancf2d.solve(scene.case)
     for seed in range(1, 6 if few else 3):
@@ -48,8 +50,10 @@ def test_five_numbers_of_a_motion_in_few_runs(name: str) -> None:
     ids=["at states", "between states", "rates close to states", "adaptive"])
 def test_values_of_motions_are_sums_of_changes_of_states(solver: str, x: np.ndarray, quantities: tuple[str, ...]
                                                          ) -> None:
-    """The derivatives are those of readings of changed states: for a number that the probes do not depend on, one that
-    moves them, and one that prescribes where their body is."""
+    """The derivatives are those of readings of changed states.
+
+    For a number without effect on the probes, one that moves them, and one that prescribes the motion of their body.
+    """
     text = CASE.replace("{name: hub, type: pin, at: arm@0}", "{name: hub, type: prescribed, at: arm@0, x: 0, y: {type: "
                        "sine, scale: 0.01, frequency: 2}}").replace("dt: 4.0e-3, method: generalized_alpha", solver)
     text = text.replace("t_end: 0.6", "t_end: 0.06")
@@ -72,7 +76,7 @@ def test_values_of_motions_are_sums_of_changes_of_states(solver: str, x: np.ndar
 
 
 def test_the_first_part_of_a_search_ends_with_its_data() -> None:
-    """The first third of the values of all columns, of which one begins late; the motion ends with the last of them."""
+    """The first third of all columns, one of which begins late; the motion ends with the last of them."""
     x = 0.012 * np.arange(1, 31)
     late = np.where(x > 0.1, x, np.nan)
     data = data_of({"t": x, "tip.uy": x, "mid.uy": late})
@@ -82,8 +86,8 @@ def test_the_first_part_of_a_search_ends_with_its_data() -> None:
     assert comparable(ancf2d.load(CASE), early).case.solver.t_end == pytest.approx(early.x[-1])
 
 
-def test_a_step_takes_the_place_of_a_difference(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Derivatives of a linear model are exact, whether the runs go along the numbers or across the last step."""
+def test_a_step_replaces_a_difference(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Derivatives of a linear model are exact, whether the runs go along the parameters or across the last step."""
     A, z = np.random.default_rng(0).normal(size=(7, 3)), np.array([0.2, 0.5, 0.9])
     places: list[np.ndarray] = []
     one = Search.__new__(Search)

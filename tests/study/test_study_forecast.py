@@ -1,4 +1,4 @@
-"""Predicted costs and the time that is left of a study, by a clock that only the work moves."""
+"""Predicted costs and the remaining time of a study, with a clock that only the work moves."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_budget_counts_from_its_beginning() -> None:
 
 
 class Clock:
-    """A clock that the work moves, and what was told of the time left: moments, seconds left."""
+    """A clock moved by the work, and the reported remaining times: moments, seconds left."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 1000.0
@@ -80,14 +80,14 @@ class Clock:
         self.told.append((self.now, left))
 
     def work(self, seconds: float, progress: Any = None) -> None:
-        """Let time pass in slices; a state that tells nothing of the time left follows each."""
+        """Let time pass in slices; after each a state without news of the remaining time."""
         for _ in range(SLICES):
             self.now += seconds / SLICES
             if progress is not None:
                 progress.state(SimpleNamespace(left=None))
 
     def assert_right(self, first: float) -> None:
-        """Whatever is told after the first job and 5 % of the time is right within a factor of two.
+        """Check that all reports after the first job and 5 % of the time are right within a factor of two.
 
         The last twentieth is exempt: a second more or less is much of what is left there.
         """
@@ -108,7 +108,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 @pytest.mark.parametrize("law", LAWS)
 def test_the_time_left_of_a_convergence_study_is_right_within_a_factor_of_two(
         law: str, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two element types, of which the second one takes four times as long."""
+    """Two element types, the second four times as expensive."""
     cost = LAWS[law]
 
     def solve(job: Any, progress: Any = None) -> Any:
@@ -147,7 +147,7 @@ def test_the_time_left_of_a_sweep_is_right_within_a_factor_of_two(
 
 
 def in_processes(costs: Sequence[float], count: int, startup: float, ahead: Forecast, clock: Clock) -> None:
-    """Let processes that take some time to start do jobs in their order, and the forecast look every second."""
+    """Let processes with a start-up time do jobs in order, with a forecast every second."""
     free, ends = [startup] * count, []
     for i, cost in enumerate(costs):
         end = heapq.heappop(free) + cost
@@ -165,7 +165,7 @@ def in_processes(costs: Sequence[float], count: int, startup: float, ahead: Fore
 
 @pytest.mark.parametrize("count", [2, 4])
 @pytest.mark.parametrize("law", LAWS)
-def test_the_time_left_is_that_of_processes_that_work_at_the_same_time(law: str, count: int, clock: Clock) -> None:
+def test_the_time_left_accounts_for_parallel_processes(law: str, count: int, clock: Clock) -> None:
     sizes = [n for n in MESHES for _ in range(6)]
     startup = 8.0
     ahead = Forecast([("kind", float(n)) for n in sizes], Workers(count), clock.done)
@@ -174,8 +174,8 @@ def test_the_time_left_is_that_of_processes_that_work_at_the_same_time(law: str,
     clock.assert_right(startup + LAWS[law](MESHES[0]) * 6 / count + LAWS[law](MESHES[1]) + 1.0)
 
 
-def test_a_job_that_tells_what_it_still_takes_is_believed(clock: Clock) -> None:
-    """After one job of 10 s the second one, twice as large, says that it takes 500 s."""
+def test_the_forecast_of_a_running_job_is_used(clock: Clock) -> None:
+    """After one job of 10 s the second one, twice as large, reports that it will take 500 s."""
     ahead = Forecast([("kind", 1000.0), ("kind", 2000.0), ("kind", 2000.0)], clock=lambda: clock.now)
     clock.now += 10.0
     ahead.record(0, None, 10.0)
@@ -194,9 +194,9 @@ output: {probes: {tip: b@1}, interval: 0.005}
 """
 
 
-def test_the_time_left_of_a_motion_counts_the_work_that_is_ahead_of_the_stored_states(
+def test_the_time_left_of_a_motion_includes_work_ahead_of_the_stored_states(
         clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A call of the kernels makes many steps, whose states are read afterwards.
+    """A call of the kernels makes many steps, whose states are processed afterwards.
 
     Here a call takes 10 s, of the coarser motions 5 s, and each of 200 states 0.1 s. Half of the work is done at the
     first state, at t = 0.005 of 1; a third state is needed to know how long one takes.
@@ -219,8 +219,8 @@ def test_the_time_left_of_a_motion_counts_the_work_that_is_ahead_of_the_stored_s
     clock.assert_right(third - 0.05)
 
 
-def test_the_pace_of_the_latter_half_holds_for_the_rest() -> None:
-    """Of 100 s the first 10 pass without any work done: from 15 s on that no longer counts."""
+def test_the_pace_of_the_latter_half_is_extrapolated() -> None:
+    """Of 100 s the first 10 pass without any work: from 15 s on they no longer count."""
     found = Pace()
     for t in range(1, 100):
         found.mark(max(t - 10.0, 0.0) / 90.0, float(t))
@@ -231,8 +231,8 @@ def test_the_pace_of_the_latter_half_holds_for_the_rest() -> None:
 
 
 @pytest.mark.parametrize(("power", "worst"), [(1.0, 1.01), (0.5, 1.01), (0.1, 1.1), (2.0, 2.01)])
-def test_steps_that_grow_are_expected_to_grow_on(power: float, worst: float) -> None:
-    """Seconds t^power after the time t: from 2 % of the way on, in marks of chunks, with the steps between them."""
+def test_growing_steps_are_expected_to_keep_growing(power: float, worst: float) -> None:
+    """Seconds t^power after the time t: from 2 % of the motion on, in chunks with the steps between them."""
     found, last = Pace(), 0.0
     for k in range(1, 400):
         t = (k / 400) ** (1 / power)
@@ -248,8 +248,8 @@ def test_steps_that_grow_are_expected_to_grow_on(power: float, worst: float) -> 
     assert len(found.at) <= 401
 
 
-def test_a_time_is_told_once_it_has_settled() -> None:
-    """The whole is foretold as 1000 s for 20 s, then as 100 s; and as 300 s from 70 s on."""
+def test_a_time_is_reported_once_it_has_settled() -> None:
+    """The forecast is 1000 s for 20 s, then 100 s; and 300 s from 70 s on."""
     calm, told = SteadyEstimate(), {}
     for second in range(1, 100):
         whole = 1000.0 if second < 20 else 100.0 if second < 70 else 300.0
@@ -261,7 +261,7 @@ def test_a_time_is_told_once_it_has_settled() -> None:
     assert all(told[k] is None for k in range(70, 100))
 
 
-def test_a_pace_tells_nothing_before_any_work_is_done() -> None:
+def test_there_is_no_forecast_before_any_work_is_done() -> None:
     found = Pace(0.4)
     found.mark(0.4, 10.0)
     assert found.left(1.0) is None

@@ -1,4 +1,4 @@
-"""The Pareto front and the cheapest setting, by what they are defined as."""
+"""The Pareto front and the cheapest setting, compared with their definitions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def beats(a: tuple[float, float], b: tuple[float, float]) -> bool:
 
 
 @given(POINTS)
-def test_front_is_what_no_other_point_beats(points: list[tuple[float, float]]) -> None:
+def test_front_is_the_set_of_unbeaten_points(points: list[tuple[float, float]]) -> None:
     front = pareto([p[0] for p in points], [p[1] for p in points])
     known = [p for p in points if all(map(math.isfinite, p))]
     for point, on_front in zip(points, front, strict=True):
@@ -35,8 +35,8 @@ def test_front_does_not_depend_on_the_order(points: list[tuple[float, float]], o
 
 
 @given(POINTS, st.sampled_from([1e-9, 1e-3, 1.0]))
-def test_cheapest_reaches_the_accuracy_and_nothing_that_does_costs_less(points: list[tuple[float, float]],
-                                                                         wanted: float) -> None:
+def test_cheapest_reaches_the_accuracy_at_the_least_cost(points: list[tuple[float, float]],
+                                                         wanted: float) -> None:
     cost, error = [p[0] for p in points], [p[1] for p in points]
     good = [c for c, e in points if e <= wanted and math.isfinite(c)]
     found = cheapest(cost, error, wanted)

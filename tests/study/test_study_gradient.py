@@ -1,4 +1,4 @@
-"""Derivatives of goals to numbers of a case: closed forms, and differences of whole runs."""
+"""Derivatives of goals with respect to numbers of a case: closed forms, and differences of whole runs."""
 
 import re
 from dataclasses import replace
@@ -15,8 +15,8 @@ from ancf2d.case.numbers import CaseNumber, number_at, numbers_of
 from ancf2d.errors import CaseError, ComputationError
 from ancf2d.solvers.derivatives.differences import derivative
 from ancf2d.solvers.derivatives.statics import Equilibrium
+from ancf2d.study.expressions import Measures, Vocabulary, read_measure
 from ancf2d.study.gradient import derivatives, gradient
-from ancf2d.study.measures import Measures, Vocabulary, read_measure
 
 CANTILEVER = {
     "bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [2, 0]},
@@ -42,8 +42,8 @@ def test_timoshenko_cantilever():
     assert J[0] == pytest.approx(exact, rel=1e-8, abs=1e-20)
 
 
-def test_ends_of_tables_beside_which_there_is_another_mesh():
-    """The end of a table is a node, so where it leaves the end of its body there is one more element."""
+def test_ends_of_tables_that_change_the_mesh():
+    """The end of a table is a node, so if it leaves the end of its body there is one more element."""
     strain = {"name": "bend", "type": "eigenstrain", "on": "beam", "curvature": {"s": [0, 1], "value": [0.1, 0.3]}}
     case = ancf2d.load(CANTILEVER | {"loads": [strain]})
     for path in ("loads.bend.curvature.s.0", "loads.bend.curvature.s.1"):
@@ -52,7 +52,7 @@ def test_ends_of_tables_beside_which_there_is_another_mesh():
 
 
 def test_numbers_are_found_by_their_paths():
-    """Names stand for items of lists, defaults for what a case leaves out, S for a point."""
+    """Names for items of lists, defaults of the case format, S of a point."""
     case = ancf2d.load(CANTILEVER)
     paths = [v.path for v in numbers_of(case)]
     assert {"loads.tip.value.1", "bodies.beam.section.EI"} <= set(paths)
@@ -70,14 +70,14 @@ def test_numbers_are_found_by_their_paths():
     ("title", "'title' is the text '' by default; expected a number, or the key of a point"),
     ("beam@1", "'beam@1' is a point, not the path of a key; expected loads.tip.at or output.probes.tip"),
     ("beam@0.3", "'beam@0.3' is a point, not the path of a key; expected the path of a key that has a point")])
-def test_paths_of_no_number_are_told_without_places_that_the_file_does_not_have(path: str, words: str) -> None:
+def test_wrong_paths_are_reported_without_positions_outside_the_file(path: str, words: str) -> None:
     with pytest.raises(CaseError, match=re.escape(words)) as caught:
         number_at(ancf2d.load(CANTILEVER), path)
     assert "completed" not in str(caught.value)
 
 
 def test_numbers_of_the_goal_itself_are_refused():
-    """What is differentiated does not change with a number that says what it is: 0 would be no answer."""
+    """The differentiated quantity would be another one: 0 would be a wrong answer."""
     case = {**STRUT, "loads": [{"name": "push", "type": "force", "at": "strut@1", "value": [0, 1]}],
             "solver": {"type": "frequency_response", "inputs": ["push"], "from": 1, "to": 3},
             "goal": {"probe": "tip", "quantity": "uy", "input": "push", "hz": 2}}
@@ -85,9 +85,8 @@ def test_numbers_of_the_goal_itself_are_refused():
         ancf2d.sensitivity(case, "goal.hz")
 
 
-def test_errors_of_states_count_as_far_as_values_depend_on_states(monkeypatch):
-    """Where dz/dL is known to a share e of itself, u_y' = -P (L^2/EI + 1/kGA) is too; mass' = rhoA has no such error.
-    """
+def test_errors_of_states_are_weighted_by_the_dependence_of_values(monkeypatch):
+    """With the relative error e of dz/dL, u_y' = -P (L^2/EI + 1/kGA) has it too; mass' = rhoA has no such error."""
     share, slope = 1e-3, Equilibrium.slope
 
     def rough(self, at, h):
@@ -105,7 +104,7 @@ def test_errors_of_states_count_as_far_as_values_depend_on_states(monkeypatch):
 
 
 def test_differences_of_smooth_functions():
-    """Fourth order on both sides, on one side where the other is refused, and shorter steps where they are too long."""
+    """Fourth order on both sides, or on one side if the other is refused, and shorter steps if they are too long."""
     def f(h):
         return np.array([np.exp(3 * h), np.sin(h), 1.0])
 
@@ -123,7 +122,7 @@ def test_differences_of_smooth_functions():
 
 
 def differences_of_solves(case, path, h, read):
-    """Return d read/d p by whole solves at p +- h and p +- 2 h: a difference of fourth order."""
+    """Return d read/d p from whole solves at p +- h and p +- 2 h: a difference of fourth order."""
     variable = number_at(case, path)
 
     def at(k):
@@ -132,7 +131,7 @@ def differences_of_solves(case, path, h, read):
 
 
 def assert_exact(case, overrides, steps, rel=1e-6):
-    """Assert that derivatives are found without runs, and are those of converged solves, for each path and step."""
+    """Assert that derivatives need no runs, and are those of converged solves, for each path and step."""
     loaded = ancf2d.load(case, overrides)
     study = ancf2d.sensitivity(loaded, list(steps))
     assert study.goal == pytest.approx(ancf2d.solve(loaded, states=False).value, rel=1e-9)
@@ -196,7 +195,7 @@ LINEAR = ["bodies.post.geometry.from", "bodies.post.material.E", "bodies.beam.ge
 @pytest.mark.slow
 @pytest.mark.parametrize("solver", ["linear_static", "static"])
 def test_every_kind_of_number(solver):
-    """dz/dp = -K^-1 dR/dp beside whole solves: lengths, angles, profiles, materials, springs, loads, positions."""
+    """dz/dp = -K^-1 dR/dp compared with solves: lengths, angles, profiles, materials, springs, loads, positions."""
     if solver == "linear_static":
         # by the same differences of residuals: a number of each part of the case tells that they are taken there
         assert_exact(FRAME, ["solver.type=linear_static"], {path: KINDS[path] for path in LINEAR})
@@ -220,7 +219,7 @@ STRUT = {
     ({"probe": "mid", "quantity": "ux"}, {"loads.push.value.0", "bodies.beam.geometry.start.1",
                                           "bodies.beam.geometry.end.1"})])
 def test_goals_that_vanish_by_symmetry_have_no_relative_changes(goal, tells):
-    """The middle of a clamped beam under a central force neither turns nor moves along it, whatever its E and height.
+    """The middle of a clamped beam under a central force neither rotates nor moves axially, for any E and height.
 
     The last digits do not: they change by many times themselves, as nothing that means anything.
     """
@@ -242,8 +241,8 @@ LAWS = {"linear": {}, "neo_hooke": {"law": "neo_hooke"}, "relaxed": {"viscoelast
 @pytest.mark.parametrize(("law", "solver"), [
     ("linear", {"type": "quasi_static", "t_end": 1}), ("curve", {"type": "quasi_static", "t_end": 1}),
     ("neo_hooke", {"type": "static"}), ("relaxed", {"type": "static"}), ("curve", {"type": "static"})])
-def test_equilibria_that_no_way_leads_to_have_exact_derivatives(law, solver):
-    """Laws that are no linear ones, and loads over time, depend on no history by themselves."""
+def test_path_independent_equilibria_have_exact_derivatives(law, solver):
+    """Nonlinear laws, and loads over time, do not cause path dependence by themselves."""
     case = {"bodies": {"beam": {"geometry": h.line(2.0), "section": {"height": 0.1, "width": 0.1},
                                 "material": {"E": 2e11, "nu": 0.3, **LAWS[law]},
                                 "element": h.element("2d3n" if law == "neo_hooke" else "reissner3", 4)}},
@@ -261,8 +260,8 @@ def test_equilibria_that_no_way_leads_to_have_exact_derivatives(law, solver):
         assert row.derivative == pytest.approx(expected, rel=1e-6)
 
 
-def test_a_time_that_is_varied_has_another_end():
-    """A bar is pulled by F t: du/dt_end = F L/(E A); at one time the equilibrium of another end would be the same."""
+def test_varying_the_end_time_changes_the_end():
+    """A bar under F t: du/dt_end = F L/(E A); at a fixed time the equilibrium would not change."""
     study = ancf2d.sensitivity({
         "bodies": {"bar": {"geometry": h.line(2.0), "section": {"height": 0.1, "width": 0.1},
                            "material": {"E": 2e11, "nu": 0.3}, "element": h.element("cable", 1)}},
@@ -294,7 +293,7 @@ def test_euler_column():
                                    "loads.push.value.0": -1.0}, abs=1e-5)
 
 
-def test_a_column_between_ends_that_approach_each_other():
+def test_a_column_between_approaching_ends():
     """EA mu u/L = pi^2 EI/L^2: the factor goes with EI, EA^-1, L^-1 and u^-1."""
     case = {**STRUT, "loads": [], "solver": {"type": "buckling", "modes": 1}, "goal": {"load_factor": 1},
             "boundary_conditions": [{"type": "pin", "at": "strut@0"},

@@ -1,4 +1,4 @@
-"""Derivatives of goals where bodies touch: the places that touch move with a number of the case."""
+"""Derivatives of goals with contact: contact places move with a number of the case."""
 
 import pytest
 from test_study_gradient import differences_of_solves
@@ -10,7 +10,7 @@ from ancf2d.study.gradient import gradient
 
 @pytest.mark.slow
 def test_a_strip_lifted_from_a_floor():
-    """The place where it lifts off moves with the force, and the height changes by that, too."""
+    """The place of lift-off moves with the force, which also changes the height."""
     case = ancf2d.load({
         "bodies": {"strip": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
                              "section": {"EA": 1e6, "EI": 1.0, "rhoA": 1.0}, "element": {"type": "cable", "count": 8}}},
@@ -44,7 +44,7 @@ BENT_OVER = {"bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "
     ({}, 11), ({"contacts": [{"between": ["beam", "disc"], "side": "axis", "law": {"stiffness": 1e5}}]}, 5),
     ({"solver": {"type": "eigen", "about": "static", "modes": 1}, "goal": {"kind": "bending", "number": 1}}, 11)])
 def test_a_beam_over_a_disc(monkeypatch, more, count):
-    """Derivatives are those of differences of runs whose places of contact settle; with the law, near an edge of it."""
+    """Derivatives agree with differences of runs whose contact places converge; with the law, near an edge of it."""
     monkeypatch.setattr(lift_off, "STEP_TOLERANCE", 1e-9)
     beam = {**BENT_OVER["bodies"]["beam"], "element": {"type": "reissner2", "count": count}}
     case = {**BENT_OVER, "bodies": {"beam": beam}, **more}
@@ -59,14 +59,14 @@ def test_a_beam_over_a_disc(monkeypatch, more, count):
 
 
 def test_the_first_friction_is_differentiated_by_runs():
-    """Equilibria with friction depend on the way there, so that the response of one without it says nothing."""
+    """Equilibria with friction depend on the path, so the response without friction is not their derivative."""
     case = {**BENT_OVER, "bodies": {"beam": {**BENT_OVER["bodies"]["beam"], "element": {"type": "cable", "count": 4}}}}
     row, other = ancf2d.sensitivity(case, ["contacts.0.friction", "obstacles.disc.radius"]).rows
     if row.path != "contacts.0.friction":
         row, other = other, row
     smooth, rough = (ancf2d.solve(case, [f"contacts.0.friction={mu}"], states=False).value for mu in (0.0, 1e-3))
     assert row.derivative == pytest.approx((rough - smooth) / 1e-3, rel=1e-2)
-    assert "friction depends on the way" in row.method
+    assert "friction depends on the load path" in row.method
     assert other.method == "exact"
 
 
@@ -83,9 +83,9 @@ TOUCHED = {"polyline": ({"floor": {"type": "polyline", "points": [[-1, -0.02], [
 @pytest.mark.slow
 @pytest.mark.parametrize(("what", "method"), [
     ("polyline", "exact"),
-    ("body", "differences of runs: places between nodes that touch are chosen anew in every run")])
-def test_places_between_nodes_are_unknowns_beside_obstacles_and_chosen_by_runs_between_bodies(what, method):
-    """The place that touches moves with a number, and the force with it."""
+    ("body", "differences of runs: contact points between nodes differ between runs")])
+def test_contact_places_are_unknowns_at_obstacles_and_found_by_runs_between_bodies(what, method):
+    """The contact place moves with a number, and the force with it."""
     obstacles, bodies, held = TOUCHED[what]
     case = ancf2d.load({
         "bodies": {"arch": ARCH, **bodies}, "obstacles": obstacles, "contacts": [{"between": ["arch", "floor"]}],

@@ -72,15 +72,15 @@ def test_zieglers_pendulum(kind: str, more: dict[str, float]) -> None:
         assert slope == pytest.approx(expected, rel=1e-7, abs=1e-7 * near), path
 
 
-def test_without_dampers_there_is_no_derivative_to_them() -> None:
-    """However little they damp, motions begin to grow at another factor (Ziegler 1952)."""
-    with pytest.raises(ComputationError, match="dampers let motions grow at another factor"):
+def test_without_dampers_there_is_no_derivative_with_respect_to_them() -> None:
+    """Even vanishing damping changes the factor at which motions begin to grow (Ziegler 1952)."""
+    with pytest.raises(ComputationError, match="even vanishing damping changes the factor"):
         ancf2d.sensitivity(copy.deepcopy(PENDULUM), ["springs.s1.damping"])
 
 
 @pytest.mark.slow
 def test_roots_that_meet_on_the_real_axis_are_left_to_runs() -> None:
-    """Beyond flutter two growing motions no longer vibrate (Ziegler 1952): s is not 0 there, and has no derivative."""
+    """Beyond flutter two growing motions cease to vibrate (Ziegler 1952): s is not 0 there, and has no derivative."""
     case = ancf2d.load({**copy.deepcopy(PENDULUM), "solver": {"type": "buckling", "modes": 2},
                         "goal": {"load_factor": 2}}, ["loads.stays.value.0=0"])
     row = ancf2d.sensitivity(case, ["loads.turns.value.0"]).rows[0]
@@ -90,7 +90,7 @@ def test_roots_that_meet_on_the_real_axis_are_left_to_runs() -> None:
 
 @pytest.mark.slow
 def test_two_equal_pendulums_are_left_to_runs() -> None:
-    """Both begin to flutter at once, and a spring of one lets them part: the other one holds the factor back."""
+    """Both begin to flutter at once, and a spring of one separates them: the other one limits the factor."""
     case = copy.deepcopy(PENDULUM)
     text = yaml.safe_dump(case)
     for name in ("lower", "upper", "m1", "m2", "s1", "s2", "turns", "stays"):
@@ -113,7 +113,7 @@ def column(**more: Any) -> dict[str, Any]:
 
 
 def test_a_pipe_by_its_dimensions() -> None:
-    """The critical velocity is sqrt(EI/rhoA)/L times a number of the share of the fluid's mass."""
+    """The critical velocity is sqrt(EI/rhoA)/L times a function of the share of the fluid's mass."""
     case = column(fluid={"on": "c", "rhoA": 0.2, "velocity": 1.0})
     loaded = ancf2d.load(case)
     values, J = gradient(loaded, [loaded.case.goal], ["bodies.c.geometry.end.0", "bodies.c.section.EI",
@@ -139,8 +139,8 @@ TURNS = {"loads": [{"name": "tip", "type": "follower_force", "at": "c@1", "value
      "bodies.c.material.viscoelastic.0.time", 5e-4),
     (FLOWS, "fluid.rhoA", 1e-3), (FLOWS, "masses.m.mass", 2e-3),
     ({**FLOWS, "loads": [{"name": "weight", "type": "gravity", "value": [0.5, -3.0]}]}, "loads.weight.value.1", 1e-2)])
-def test_columns_beside_differences_of_runs(more: dict[str, Any], path: str, h: float) -> None:
-    """Frequencies that meet, dampers, a material that relaxes, and flow about the equilibrium under a weight."""
+def test_columns_compared_with_differences_of_runs(more: dict[str, Any], path: str, h: float) -> None:
+    """Coalescing frequencies, dampers, a relaxing material, and flow about the equilibrium under a weight."""
     case = ancf2d.load(column(masses=[{"name": "m", "at": "c@0.7", "mass": 0.3}], **copy.deepcopy(more)))
     variable = number_at(case, path)
     found = derivatives(case, [case.case.goal], [variable])
@@ -152,8 +152,8 @@ def test_columns_beside_differences_of_runs(more: dict[str, Any], path: str, h: 
     assert found.jacobian[0, 0] == pytest.approx(expected, rel=1e-6)
 
 
-def test_reactions_about_which_a_pipe_begins_to_grow_are_those_without_flow() -> None:
-    """The factor scales the velocity alone: the reaction is in proportion to the weight, whatever the flow."""
+def test_reactions_at_the_onset_of_a_pipe_are_those_without_flow() -> None:
+    """The factor scales only the velocity: the reaction is proportional to the weight, for any flow."""
     case = ancf2d.load(column(loads=[{"name": "weight", "type": "gravity", "value": [0, -0.3]}], **FLOWS))
     values, J = gradient(case, [case.case.goal, Goal(reaction="c@0", quantity="fy")], ["loads.weight.value.1"])
     assert J[1, 0] == pytest.approx(values[1] / -0.3, rel=1e-9)

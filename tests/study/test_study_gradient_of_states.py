@@ -1,4 +1,4 @@
-"""Derivatives of limit points, ends of paths, responses over the frequency, damped and equal frequencies."""
+"""Derivatives of limit points, ends of paths, frequency responses, damped and equal frequencies."""
 
 import cmath
 import math
@@ -51,8 +51,8 @@ def test_limit_points_of_a_truss():
         assert [found[p].derivative for p in paths] == pytest.approx(exact, rel=1e-8, abs=1e-12), name
 
 
-def test_the_end_of_a_path_where_a_probe_is():
-    """With the fall u given, the load P = EA y (1/l - 1/L) of y = rise + u is what changes: all that holds it does."""
+def test_the_end_of_a_path_at_a_value_of_a_probe():
+    """With the fall u given, the load P = EA y (1/l - 1/L) at y = rise + u changes, with all that depends on it."""
     u = -0.4
     solver = {"type": "static", "method": "displacement", "until": {"probe": "top", "quantity": "uy", "reaches": u}}
 
@@ -67,7 +67,7 @@ def test_the_end_of_a_path_where_a_probe_is():
 
 
 def test_the_end_of_a_path_at_a_load_factor():
-    """P = EA y (1/l - 1/L) of y = rise + u: the fall u changes by 1/P'(u) where the path goes on."""
+    """P = EA y (1/l - 1/L) of y = rise + u: the fall u changes by 1/P'(u)."""
     u = -0.05
 
     def load(u):
@@ -80,8 +80,7 @@ def test_the_end_of_a_path_at_a_load_factor():
 
 
 def test_line_loads_within_elements_grow_with_the_factor_at_the_end_of_a_path():
-    """M between nodes contains the line load at its factor there, which a number changes: differences of whole paths.
-    """
+    """M between nodes contains the line load at its factor there, which depends on a number: differences of paths."""
     case = ancf2d.load({
         "bodies": {"arch": {"geometry": {"type": "arc", "center": [0, -1.0], "radius": 1.1, "from": 2.1, "to": 1.0},
                             "section": {"EA": 1.5e4, "EI": 1.1}, "element": {"type": "cable", "count": 4}}},
@@ -132,7 +131,7 @@ def test_response_of_an_oscillator(part):
 
 
 def test_the_highest_response_of_a_range():
-    """The peak F/(c sqrt(k/m - c^2/(4 m^2))) lies between the frequencies that are told."""
+    """The peak F/(c sqrt(k/m - c^2/(4 m^2))) lies between the stored frequencies."""
     goal = {"input": "shaker", "probe": "mass", "quantity": "ux"}
     study = ancf2d.sensitivity({**OSCILLATOR, "goal": goal, "solver": {
         "type": "frequency_response", "inputs": ["shaker"], "from": 0.1, "to": 3.0, "points": 10}}, OF_OSCILLATOR)
@@ -172,7 +171,7 @@ output: {probes: {tip: arm@1}}
 
 
 def test_response_about_an_equilibrium_that_moves(tmp_path):
-    """Inputs, matrices and the equilibrium beneath change with a number: differences of whole solves."""
+    """Inputs, matrices and the equilibrium itself change with a number: differences of whole solves."""
     (tmp_path / "arm.yaml").write_text(ARM)
     case = ancf2d.load(tmp_path / "arm.yaml")
     for row in ancf2d.sensitivity(case, ["bodies.arm.material.damping.kelvin_voigt", "springs.stay.length"]).rows:
@@ -196,8 +195,8 @@ def twins(**more):
 @pytest.mark.parametrize(("solver", "goal", "power"), [
     ({"type": "eigen", "modes": 3}, {"kind": "bending"}, 0.5),
     ({"type": "buckling", "modes": 3}, {}, 1.0)], ids=["frequencies", "load factors"])
-def test_equal_ones_part_to_both_sides(solver, goal, power):
-    """Both grow with EI to a power. EI of one strut moves one of the two: the lower one has a kink, 0 or the whole."""
+def test_equal_frequencies_split_to_both_sides(solver, goal, power):
+    """Both are powers of EI. EI of one strut moves one of the two: the lower one has a kink, 0 or the whole."""
     case = twins(solver=solver, goal={**goal, "number" if goal else "load_factor": 1})
     row, = ancf2d.sensitivity(case, ["bodies.a.section.EI"]).rows
     whole = power * ancf2d.solve(case, states=False).value / 200.0
@@ -206,8 +205,8 @@ def test_equal_ones_part_to_both_sides(solver, goal, power):
     assert row.error == pytest.approx(0.5 * whole, rel=1e-6)
 
 
-def test_equal_ones_that_stay_equal():
-    """A height that both struts share moves both of the equal frequencies, as if there were one."""
+def test_equal_frequencies_that_stay_equal():
+    """A height shared by both struts moves both of the equal frequencies, as if there were one."""
     case = twins(solver={"type": "eigen", "modes": 3}, goal={"kind": "bending", "number": 2}, loads=[],
                  parameters={"thick": 0.01})
     for body in case["bodies"].values():

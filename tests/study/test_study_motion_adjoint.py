@@ -1,4 +1,4 @@
-"""Derivatives of goals of motions by the motion backwards: differences of motions that are solved to round-off."""
+"""Derivatives of goals of motions by the adjoint, compared with differences of motions solved to round-off."""
 
 from dataclasses import replace
 
@@ -9,11 +9,11 @@ from test_study_motion_gradient import SCENE, solved
 import ancf2d
 from ancf2d.case.numbers import numbers_at
 from ancf2d.solvers.derivatives import motion, motion_states
-from ancf2d.solvers.motion import methods
-from ancf2d.solvers.post import Observer
+from ancf2d.solvers.motion import own_integrators
 from ancf2d.solvers.state import State
+from ancf2d.solvers.state_results import Observer
+from ancf2d.study.expressions import GoalValues, Measures, Vocabulary, read_measure
 from ancf2d.study.gradient import DifferentiableRun, derivatives, prepare
-from ancf2d.study.measures import GoalValues, Measures, Vocabulary, read_measure
 from ancf2d.study.record import Progress
 
 # held without multipliers, and by others where the case has them
@@ -36,13 +36,13 @@ SHORT = "solver.t_end=0.006"
 
 
 def scene(folder, method, held, *more):
-    """Return the scene of motions, with an integrator and its arm held in a way."""
+    """Return the scene of motions, with an integrator and a support of its arm."""
     (folder / "scene.yaml").write_text(SCENE)
     return ancf2d.load(folder / "scene.yaml", [f"solver.method={method}", *([held] if held else []), *more])
 
 
 def found(loaded, paths):
-    """Return the derivatives (numbers,) that the motion backwards tells."""
+    """Return the derivatives (numbers,) by the adjoint."""
     run = DifferentiableRun(loaded, GoalValues((loaded.case.goal,)), Progress())
     variables = numbers_at(loaded, paths)
     run.compute_together(variables)
@@ -54,8 +54,8 @@ def found(loaded, paths):
 
 @pytest.mark.parametrize("name", ["newmark", *(pytest.param(name, marks=pytest.mark.slow) for name in MOTIONS
                                                if name != "newmark")])
-def test_both_ways_are_those_of_the_same_steps(name, monkeypatch, tmp_path):
-    """Forwards and backwards in time the same matrices stand, transposed: psi . (J^-1 dR) = (J^-T psi) . dR.
+def test_both_directions_are_those_of_the_same_steps(name, monkeypatch, tmp_path):
+    """Both directions have the same matrices, transposed: psi . (J^-1 dR) = (J^-T psi) . dR.
 
     Forwards, derivatives are those of the discrete motion: test_study_motion_gradient.py.
     """
@@ -77,7 +77,7 @@ def test_both_ways_are_those_of_the_same_steps(name, monkeypatch, tmp_path):
 
 @pytest.mark.slow
 def test_rates_that_supports_do_not_allow():
-    """A clamped bar is asked to turn about its middle: what its mass makes of that depends on how it is spread.
+    """A clamped bar with an initial rotation about its middle: its projection depends on the mass distribution.
 
     Forwards, both rates at the start are projected anew; backwards v' = M^-1 T^T M' (V - T v) of M v = T^T M V.
     """
@@ -100,7 +100,7 @@ def test_rates_that_supports_do_not_allow():
 
 
 def swept(goal=None, **more):
-    """A damped arm on a wall in motion."""
+    """A damped arm on a moving wall."""
     return {"bodies": {"arm": {"geometry": {"type": "line", "start": [0, 0], "end": [0.8, 0.3]},
                                "section": {"height": 0.02, "width": 0.03},
                                "material": {"E": 1e8, "nu": 0.3, "rho": 1100, "damping": {"kelvin_voigt": 1e-3}},
@@ -112,7 +112,7 @@ def swept(goal=None, **more):
 
 
 def assert_runs(case, steps):
-    """Assert that the motion backwards tells differences of runs, by numbers and steps of these."""
+    """Assert that the adjoint agrees with differences of runs, by numbers and their increments."""
     case = ancf2d.load(case)
     values, _ = found(case, list(steps))
     for variable, value in zip(numbers_at(case, list(steps)), values, strict=True):
@@ -123,10 +123,9 @@ def assert_runs(case, steps):
 
 
 @pytest.mark.slow
-def test_natural_strains_whose_rates_make_viscous_forces(monkeypatch):
-    """Kelvin-Voigt stress is of strain rates beyond those of natural strains: what these push does not change with lam.
-    """
-    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+def test_natural_strains_whose_rates_cause_viscous_forces(monkeypatch):
+    """Kelvin-Voigt stress depends on strain rates minus those of natural strains: their load does not depend on lam."""
+    monkeypatch.setattr(own_integrators, "TIGHT", 1e-13)
     bend = {"name": "bend", "type": "eigenstrain", "on": "arm", "curvature": 0.3,
             "amplitude": {"type": "sine", "frequency": 2}}
     stay = {"name": "stay", "type": "translational", "between": ["arm@0.7", [0.5, -0.4]], "stiffness": 300,
@@ -137,9 +136,9 @@ def test_natural_strains_whose_rates_make_viscous_forces(monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("goal", [{}, {"mean_over": [0.03, 0.2]}])
-def test_prescribed_motion_is_read_behind_a_corner_of_a_signal(goal, monkeypatch):
-    """The probe moves with the support at the end of its element, also where signals have a corner before."""
-    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+def test_prescribed_motion_is_read_after_a_corner_of_a_signal(goal, monkeypatch):
+    """The probe moves with the support at the end of its element, also if signals had a corner before."""
+    monkeypatch.setattr(own_integrators, "TIGHT", 1e-13)
     push = {"name": "push", "type": "force", "at": "arm@0.4", "value": [0, -3],
             "amplitude": {"type": "table", "t": [0, 0.06, 0.2], "value": [0, 1, 0.3]}}
     case = swept({"probe": "middle", "quantity": "uy", **goal}, loads=[push])
@@ -148,8 +147,8 @@ def test_prescribed_motion_is_read_behind_a_corner_of_a_signal(goal, monkeypatch
     assert_runs(case, {"boundary_conditions.drive.uy.scale": 1e-4, "loads.push.value.1": 1e-2})
 
 
-def test_places_of_probes_change_what_is_read(tmp_path):
-    """u_y of a probe off the axis is that of the axis and y (cos(theta) - cos(theta_0)); along the body it varies."""
+def test_positions_of_probes_change_their_values(tmp_path):
+    """u_y of a probe off the axis is that of the axis plus y (cos(theta) - cos(theta_0)); along the body it varies."""
     y = 0.004
     loaded = scene(tmp_path, "radau5", CLAMP, "solver.t_end=0.004", f"output.probes.tip={{at: arm@0.7, y: {y}}}")
     values, _ = found(loaded, ["output.probes.tip.y", "output.probes.tip.at"])
@@ -163,8 +162,8 @@ def test_places_of_probes_change_what_is_read(tmp_path):
     ("radau5", "mean_over: [0.002, 0.009]"), ("generalized_alpha", "mean_over: [0.002, 0.009]"),
     pytest.param("radau5", "peak_over: [0.0033, 0.0071]", marks=pytest.mark.slow)])
 def test_goals_over_windows(method, goal, monkeypatch, tmp_path):
-    """Stored states at ends of steps and within them, and samples between them, are differentiated as they are read."""
-    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+    """Stored states at ends of steps and within them, and samples between them, are differentiated as read."""
+    monkeypatch.setattr(own_integrators, "TIGHT", 1e-13)
     loaded = scene(tmp_path, method, CLAMP, "goal={probe: knee, quantity: ux, " + goal + "}")
     paths, h = ["loads.pull.value.0", "bodies.arm.material.rho"], 3e-5
     for variable, value in zip(numbers_at(loaded, paths), found(loaded, paths)[0], strict=True):
@@ -217,7 +216,7 @@ def test_rows_of_extremes_over_a_motion(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_number_that_turns_a_phase_far(tmp_path):
+def test_a_number_that_changes_a_phase_by_many_turns(tmp_path):
     """u = F (1 - cos(w t))/(m w^2) - ... of a free mass under F sin(w t), after 400 turns of the signal: steps shorten.
 
     m u'' = F sin(w t) gives u = F/(m w) (t - sin(w t)/w), and du/dw by hand.
@@ -236,8 +235,8 @@ def test_a_number_that_turns_a_phase_far(tmp_path):
     assert row.derivative == pytest.approx(2 * np.pi * exact, rel=1e-5)
 
 
-def test_what_probes_read_is_differentiated(tmp_path):
-    """Differences of what is read, along coordinates and their rates, on the axis and off it."""
+def test_values_of_probes_are_differentiated(tmp_path):
+    """Differences of values, along coordinates and their rates, on the axis and off it."""
     loaded = scene(tmp_path, "radau5", CLAMP, "output.probes={tip: fork@1, off: {at: fork@0.7, y: 0.01}, "
                    "knee: {at: arm@0.6, y: 0.004}}", "goal.probe=tip")
     model, rng = prepare(loaded), np.random.default_rng(5)
@@ -257,7 +256,7 @@ def test_what_probes_read_is_differentiated(tmp_path):
 
 
 def test_a_corner_of_a_rigid_body():
-    """A bent bar of mass mu per length that is pushed from rest: theta = (r x F) t^2/(2 J), r from its centre of mass.
+    """A bent bar of mass mu per length under a force from rest: theta = (r x F) t^2/(2 J), r from its centre of mass.
 
     The place of its corner changes how the coordinates of both pieces follow from those of the body.
     """
@@ -288,7 +287,7 @@ def test_a_corner_of_a_rigid_body():
 
 @pytest.mark.parametrize("method", ["newmark", "radau5"])
 def test_a_motion_without_unknowns(method):
-    """A clamped rigid bar rests: its end moves as far as its geometry does, and a load changes nothing."""
+    """A clamped rigid bar is at rest: its end moves with its geometry, and a load has no effect."""
     case = {"bodies": {"bar": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0.2]},
                                "section": {"height": 0.1, "width": 0.1},
                                "element": {"type": "rigid", "mass": 2.0, "inertia": 1.0}}},

@@ -13,10 +13,10 @@ from ancf2d.kernels.motion import many_states
 from ancf2d.model.groups import unlike
 from ancf2d.solvers.derivatives import linear_steps
 from ancf2d.solvers.derivatives.varied_motions import VariedNumber
-from ancf2d.solvers.motion import methods
+from ancf2d.solvers.motion import own_integrators
 from ancf2d.solvers.motion.dynamic import Run
+from ancf2d.study.expressions import GoalValues
 from ancf2d.study.gradient import derivatives, gradient, prepare, varied
-from ancf2d.study.measures import GoalValues
 
 THROWN = {
     "bodies": {"stick": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
@@ -80,7 +80,7 @@ MORE = {"newmark": ["boundary_conditions.base={name: base, type: pin, at: arm@0}
 
 
 def solved(loaded, path, h):
-    """Return the goal where a number is changed by a share h."""
+    """Return the goal with a number changed by the share h."""
     variable = number_at(loaded, path)
     return ancf2d.solve(loaded, [variable.override(variable.value * (1 + h))], states=False).value
 
@@ -89,7 +89,7 @@ def solved(loaded, path, h):
                                     pytest.param(m, marks=pytest.mark.slow) for m in NUMBERS])
 def test_steps_are_differentiated(method, monkeypatch, tmp_path):
     """Derivatives are those of the discrete motion: central differences of runs, by every integrator."""
-    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+    monkeypatch.setattr(own_integrators, "TIGHT", 1e-13)
     (tmp_path / "scene.yaml").write_text(SCENE)
     # beyond the corner of a load
     changes = [f"solver.method={method}", "solver.t_end=0.006", *MORE.get(method, [])]
@@ -108,8 +108,8 @@ def test_steps_are_differentiated(method, monkeypatch, tmp_path):
 @pytest.mark.parametrize("shaft", [{"type": "pin"}, {"type": "prescribed", "ux": 0, "uy": 0, "angle": {
     "type": "expression", "value": "1 - cos(6*t)"}}], ids=["free", "driven"])
 def test_reactions_of_a_mechanism(shaft, monkeypatch):
-    """Forces depend on the tangent of a load that turns at once, positions after some time, or never where driven."""
-    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+    """Forces depend on the tangent of a follower load at once, on positions after some time, on driven ones never."""
+    monkeypatch.setattr(own_integrators, "TIGHT", 1e-13)
     bars = {name: {"geometry": {"type": "line", "start": start, "end": end},
                    "element": {"type": "rigid", "mass": 0.5, "inertia": 0.004}}
             for name, start, end in (("crank", [0, 0], [0.2, 0.1]), ("rod", [0.2, 0.1], [0.9, 0]))}
@@ -133,7 +133,7 @@ def test_reactions_of_a_mechanism(shaft, monkeypatch):
 @pytest.mark.parametrize("solver", [pytest.param({"dt": 0.02}, marks=pytest.mark.slow), {"tolerance": 1e-6},
                                     {"dt": 0.02, "method": "generalized_alpha"}])
 def test_a_thrown_body_is_known_in_closed_form(solver):
-    """u_y = v t + g t^2/2, whatever the steps: at the end and, within steps too, at all stored times."""
+    """u_y = v t + g t^2/2, for any steps: at the end and, also within steps, at all stored times."""
     case = ancf2d.load({**THROWN, "solver": {"type": "dynamic", "t_end": 0.1, **solver}})
     times = []
 
@@ -155,8 +155,8 @@ ACTS = {"springs.stay.stiffness": ([], [], 0), "bodies.arm.section.height.value.
         "boundary_conditions.base.uy.scale": ([], [], 2)}
 
 
-def test_residuals_are_those_of_elements_where_a_number_acts(tmp_path):
-    """Differences of residuals are those of all elements, and have the elements alone whose forces change."""
+def test_residual_differences_are_those_of_the_affected_elements(tmp_path):
+    """Differences of residuals equal those of all elements, and contain only elements whose forces change."""
     (tmp_path / "scene.yaml").write_text(SCENE)
     loaded = ancf2d.load(tmp_path / "scene.yaml",
                          ["bodies.arm.section.height={s: [0, 0.5, 1], value: [0.03, 0.025, 0.02]}"])
@@ -186,8 +186,8 @@ def test_residuals_are_those_of_elements_where_a_number_acts(tmp_path):
 
 
 @pytest.mark.slow
-def test_what_is_not_differentiated_is_told(tmp_path):
-    """Corners of signals that move with a number, and integrators of others, take differences of runs."""
+def test_numbers_without_exact_derivatives_are_reported(tmp_path):
+    """Corners of signals that move with a number, and SciPy's integrators, take differences of runs."""
     (tmp_path / "scene.yaml").write_text(SCENE)
     loaded = ancf2d.load(tmp_path / "scene.yaml", ["solver.t_end=0.006", "solver.method=radau5"])
     row, = ancf2d.sensitivity(loaded, ["loads.push.amplitude.t1"]).rows
@@ -206,7 +206,7 @@ MASS, SWING = 2.0, 20.0
 
 
 def behind_a_stop(number: str, **stop: Any) -> Any:
-    """Return how the place of a mass depends on a number, which meets a stop at 0.1 m, at 1 m/s, and is 0.3 s away."""
+    """Return how the position of a mass depends on a number, 0.3 s after a stop at 0.1 m hit with 1 m/s."""
     case = {"format": 1, "bodies": {"b": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
                                           "element": {"type": "rigid", "mass": MASS, "inertia": 0.1}}},
             "boundary_conditions": [{"type": "roller", "at": f"b@{s}", "fixed": "y"} for s in (0, 1)],
@@ -218,8 +218,8 @@ def behind_a_stop(number: str, **stop: Any) -> Any:
     return row
 
 
-def test_the_place_behind_a_damped_stop_is_differentiated_by_runs():
-    """The force jumps where the stop begins to act, at a time that depends on the case: steps do not see that.
+def test_the_position_after_a_damped_stop_is_differentiated_by_runs():
+    """The force jumps when the stop engages, at a time that depends on the case: steps do not see that.
 
     It flies back as fast as a damped half swing leaves it: dx/dg = 1 + exp(-pi D/sqrt(1 - D^2)), in the stop until the
     elongation is 0 again.
@@ -231,8 +231,8 @@ def test_the_place_behind_a_damped_stop_is_differentiated_by_runs():
     assert row.derivative == pytest.approx(1 + math.exp(-math.pi * share / math.sqrt(1 - share**2)), rel=1e-4)
 
 
-def test_the_place_behind_a_tendon_that_has_been_taut_is_differentiated_by_runs():
-    """After half a swing, x = 2 g - v (t - pi/omega)."""
+def test_the_position_after_a_taut_tendon_is_differentiated_by_runs():
+    """After half an oscillation, x = 2 g - v (t - pi/omega)."""
     row = behind_a_stop("initial.velocity.0", loads=[
         {"type": "tendon", "through": ["b@0", [-1, 0]], "stiffness": 1.1 * MASS * SWING**2, "slack": 0.1}])
     assert row.derivative == pytest.approx(math.pi / SWING - 0.3, rel=1e-4)
@@ -250,8 +250,8 @@ def test_steps_of_wide_models_have_sparse_matrices(monkeypatch, tmp_path):
     assert np.abs(wide).min() > 0.0
 
 
-def test_natural_strains_that_follow_amplitudes_of_their_own():
-    """Two that follow f and 1 - f are one that stays: so are their derivatives."""
+def test_natural_strains_with_different_amplitudes():
+    """Two that follow f and 1 - f are one constant strain: so are their derivatives."""
     def slopes(**amplitudes):
         loads = [{"name": name, "type": "eigenstrain", "on": "stick", "curvature": 0.3, "amplitude": how}
                  for name, how in amplitudes.items()]
@@ -293,7 +293,7 @@ def test_a_spring_that_begins():
 @pytest.mark.slow_rows("mid.M--150.0")
 @pytest.mark.parametrize(("name", "force"), [("tip.uy", -150.0), ("mid.M", -150.0)])
 def test_steps_are_shortened_where_a_run_shortens_them(name, force):
-    """Newton's method does not converge in steps that it makes when it is to come closer, by either way."""
+    """Newton's method does not converge to a tighter tolerance in such steps, in either direction."""
     probe, quantity = name.split(".")
     loaded = ancf2d.load({
         "bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [2, 0]},
@@ -320,8 +320,8 @@ BRIDGE = {"bodies": {"deck": {"geometry": {"type": "line", "start": [0, 0], "end
           "goal": {"probe": "middle", "quantity": "uy"}, "output": {"probes": {"middle": "deck@0.5"}}}
 
 
-def test_a_force_that_moves_over_a_bridge():
-    """Small deflections are in proportion to the force, in whatever elements it has been."""
+def test_a_force_that_crosses_a_bridge():
+    """Small deflections are proportional to the force, in whatever elements it has been."""
     push = {"type": "force", "at": {"on": "deck", "s": {"type": "expression", "value": "1.1*t"}},
             "value": [0, -0.01]}
     study = ancf2d.sensitivity({**BRIDGE, "loads": [push]}, ["loads.0.value.1"])
@@ -331,18 +331,18 @@ def test_a_force_that_moves_over_a_bridge():
 
 @pytest.mark.slow
 def test_a_support_that_catches_a_motion_is_differentiated_by_runs():
-    """It holds its point where that has come to, which the steps do not tell."""
+    """It fixes its point at the reached position, which the steps do not contain."""
     catch = {"type": "pin", "at": "deck@0.25", "active": {"from": 0.3}}
     case = {**BRIDGE, "boundary_conditions": [*BRIDGE["boundary_conditions"], catch],
             "loads": [{"type": "gravity", "value": [0, -9.81]}]}
     row, = ancf2d.sensitivity(case, ["bodies.deck.material.E"]).rows
-    assert row.method == "differences of runs: a support or joint begins where the motion has come to"
+    assert row.method == "differences of runs: a support or joint begins at the current position of the motion"
     high, low = (ancf2d.solve(case, [f"bodies.deck.material.E={E!r}"]).value for E in (1.001e9, 0.999e9))
     assert row.derivative == pytest.approx((high - low) / 2e6, rel=1e-3)
 
 
-def test_a_body_that_is_held_has_derivatives_of_its_reaction():
-    """Nothing moves: fy = m g, whatever the integrator."""
+def test_a_fixed_body_has_derivatives_of_its_reaction():
+    """Nothing moves: fy = m g, for any integrator."""
     study = ancf2d.sensitivity({
         "bodies": {"block": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
                              "element": {"type": "rigid", "mass": 3.0, "inertia": 0.1}}},

@@ -1,4 +1,4 @@
-"""The best numbers of a case: designs with closed forms, expressions over results, and the case that is written."""
+"""Optimised numbers of a case: designs with closed forms, expressions of results, and the written case."""
 
 import helpers as h
 import numpy as np
@@ -11,8 +11,8 @@ from ancf2d.case.numbers import text_with
 from ancf2d.errors import CaseError
 from ancf2d.solvers import stress
 from ancf2d.solvers.fields import FieldReader
+from ancf2d.study.expressions import Measures, Vocabulary, bounded, mass_of, read_measure
 from ancf2d.study.extremes import Evaluated
-from ancf2d.study.measures import Measures, Vocabulary, bounded, mass_of, read_measure
 from ancf2d.study.record import Progress
 from ancf2d.study.run import prepare, run_case, vocabulary
 
@@ -52,14 +52,14 @@ def test_lightest_cantilever(method):
     assert not [text for text in found.warnings if "the search starts" in text]
 
 
-def test_a_design_that_begins_at_a_bound_says_so():
+def test_a_design_that_starts_at_a_bound_says_so():
     found = ancf2d.optimise(TEXT, {HEIGHT: (0.1, 0.2)}, "mass")
     assert f"{HEIGHT} is 0.05 in the case, beyond the bound 0.1: the search starts at 0.1" in found.warnings
     assert found.rows[0]["start"] == 0.1
 
 
 def test_the_slowest_throw():
-    """A body thrown at (v_x, v_y) that is to be at x = 3 after 1 s is slowest there with v_x = 3 and v_y = g."""
+    """The slowest throw of a body that is to be at x = 3 after 1 s has v_x = 3 and v_y = g."""
     case = {"bodies": {"stone": {"geometry": {"type": "line", "start": [0, 0], "end": [0.1, 0]},
                                  "element": {"type": "rigid", "mass": 1.0, "inertia": 1e-3},
                                  "section": {"height": 0.1, "width": 0.1}}},
@@ -73,15 +73,15 @@ def test_the_slowest_throw():
 
 
 @pytest.mark.slow
-def test_constraints_that_cannot_be_met_are_told():
-    """The largest height has 7800*0.03*0.1*2 + 3 = 49.8 kg; as mass is linear, the search ends where it begins."""
+def test_constraints_that_cannot_be_met_are_reported():
+    """The largest height has 7800*0.03*0.1*2 + 3 = 49.8 kg; as mass is linear, the search ends at its start."""
     found = ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.03)}, "mass", ["mass >= 60", "wall.fy >= 0"])
     assert not found.found
     assert [one["met"] for one in found.constraints] == [False, True]
     assert found.as_json()["status"] == "failed"
 
 
-def test_what_nothing_changes_is_told():
+def test_goals_that_no_number_changes_are_reported():
     massless = TEXT.replace(", rho: 7800", "").replace("masses:\n  - {at: beam@0.5, mass: 3}\n", "")
     (warning,) = ancf2d.optimise(massless, {HEIGHT: (0.02, 0.2)}, "mass").warnings
     assert warning == ("mass does not depend on any of the numbers that vary: no material or section of the case has a "
@@ -89,7 +89,7 @@ def test_what_nothing_changes_is_told():
 
 
 def test_values_of_expressions():
-    """Mass, reactions, section forces, the course of a path, and von Mises stress at the clamped end."""
+    """Mass, reactions, section forces, the history of a path, and von Mises stress at the clamped end."""
     case = ancf2d.load(TEXT, ["solver={type: static, steps: 4}"])
     words = Vocabulary(case)
     texts = ["mass", "wall.fy + 2*goal", "tip.M", "max(tip.uy)", "min(tip.uy)", "max(N)", "sqrt(wall.m^2)",
@@ -116,12 +116,12 @@ def test_values_of_expressions():
     ("2*parameters.h", "in expressions the parameter is written h"),
     ("max(abs(M)*tip.x)", "over the bodies for M but over time for the other names: tip.x"),
     ("max(max(mass))", "cannot stand in each other"), ("max(tip.uy", "is missing"), ("goal +", "ends too early")])
-def test_what_is_wrong_with_an_expression(text, message):
+def test_wrong_expressions_are_refused(text, message):
     with pytest.raises(CaseError, match=message):
         read_measure(text, "--minimise", Vocabulary(ancf2d.load(TEXT)))
 
 
-def test_fields_that_materials_do_not_have_are_told():
+def test_fields_that_materials_do_not_have_are_reported():
     case = ancf2d.load(TEXT, ["solver={type: static}", "bodies.beam.material.yield=1e9",
                               "bodies.beam.element.formulation=structural"])
     with pytest.raises(CaseError, match="energy is not available for a material that yields"):
@@ -133,7 +133,7 @@ def test_a_constraint_compares_two_expressions():
         ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass", "tip.uy")
 
 
-def test_all_that_is_wrong_with_a_problem_is_told_at_once():
+def test_all_errors_of_a_problem_are_reported_at_once():
     with pytest.raises(CaseError) as caught:
         ancf2d.optimise(TEXT, {"bodies.beam.section.heigth": (0.02, 0.2)}, "mas", ["tip.uy", "max(stress <= 1"])
     said = [problem.message for problem in caught.value.problems]
@@ -141,7 +141,7 @@ def test_all_that_is_wrong_with_a_problem_is_told_at_once():
         assert sum(part in one for one in said) == 1
 
 
-def test_what_cannot_be_met_and_what_takes_longer_are_told_apart():
+def test_infeasible_problems_and_too_few_evaluations_are_distinguished():
     never = ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass", "mass <= -1")
     assert never.message == "no values within the bounds were found that meet all constraints"
     longer = ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass - 100*tip.uy", iterations=1)
@@ -151,7 +151,7 @@ def test_what_cannot_be_met_and_what_takes_longer_are_told_apart():
 
 
 def test_sides_of_a_constraint_read_their_own_extremes():
-    """What a constraint is compared with costs no reading of what stands on the other side."""
+    """The other side of a constraint needs no reading of extremes."""
     words = Vocabulary(ancf2d.load(TEXT))
     both, side, kind = bounded(read_measure("max(stress) + 1 <= 2*max(N)", "--subject-to", words), "--subject-to")
     assert [e.field for e in both.extremes.values()] == ["stress", "N"]
@@ -159,8 +159,8 @@ def test_sides_of_a_constraint_read_their_own_extremes():
     assert kind == "<="
 
 
-def test_models_beside_share_the_strains_of_elements_that_stay_as_they_are(monkeypatch):
-    """Of five heights, linear between them, the second one changes the elements in the first two of four quarters."""
+def test_varied_models_share_the_strains_of_unchanged_elements(monkeypatch):
+    """With five heights, linear in between, the second one changes the elements in the first two of four quarters."""
     found = []
     monkeypatch.setattr(stress, "_of_class", lambda *given, make=stress._of_class: found.append(1) or make(*given))
     five = TEXT.replace("height: 0.05", "height: {s: [0, 0.25, 0.5, 0.75, 1], value: [0.05, 0.06, 0.05, 0.04, 0.03]}"
@@ -178,7 +178,7 @@ def test_models_beside_share_the_strains_of_elements_that_stay_as_they_are(monke
     assert read == pytest.approx(own, abs=1e-12 * np.abs(own).max())
 
 
-def test_the_case_that_is_written_keeps_its_comments():
+def test_the_written_case_keeps_its_comments():
     case = ancf2d.load(TEXT)
     text, kept = text_with(case, {HEIGHT: 0.0625, "loads.tip.at": 0.75, "loads.tip.value.1": -500.0}, vocabulary())
     assert kept
@@ -190,7 +190,7 @@ def test_the_case_that_is_written_keeps_its_comments():
 
 
 def leaf(n, load, solver="linear_static"):
-    """A cantilever of length 1 and width 0.05 with n heights, linear between them, and a load at its tip."""
+    """A cantilever of length 1 and width 0.05 with n heights, linear in between, and a load at its tip."""
     heights = {"s": np.linspace(0.0, 1.0, n).tolist(), "value": [0.02] * n}
     return {
         "bodies": {"leaf": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
@@ -225,7 +225,7 @@ def strong(n, load, stress):
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [2, 5])
 def test_the_lightest_taper_of_given_strength(n):
-    """At the optimum several places have the largest stress, where max(stress) has a kink, so that none is above it."""
+    """At the optimum several points have the largest stress, where max(stress) has a kink."""
     found = ancf2d.optimise(leaf(n, 100.0), heights(n), "mass", "max(stress) <= 60e6")
     mass, h = strong(n, 100.0, 60e6)
     assert found.found
@@ -236,7 +236,7 @@ def test_the_lightest_taper_of_given_strength(n):
 
 @pytest.mark.slow
 def test_the_strongest_taper_of_given_mass():
-    """The least of the largest stresses: with it the lightest taper has the mass that is given."""
+    """The minimum of the largest stress: the lightest taper for it has the given mass."""
     found = ancf2d.optimise(leaf(2, 100.0), heights(2), "max(stress)", "mass <= 5")
     assert found.found
     assert found.minimum > 0.0
@@ -244,8 +244,8 @@ def test_the_strongest_taper_of_given_mass():
 
 
 @pytest.mark.slow
-def test_a_search_that_loses_its_way_goes_on_in_a_box():
-    """The first step makes the tip so thin that it hangs down, where derivatives tell nothing of stiff tips."""
+def test_a_search_that_fails_continues_in_a_trust_region():
+    """The first step makes the tip so thin that it hangs down, where derivatives say nothing about stiff tips."""
     found = ancf2d.optimise(leaf(3, 300.0, "static"), heights(3), "mass", "max(stress) <= 200e6")
     assert found.found
     # deflections shorten the arm of the load a little: nearly the lightest one of small deflections
@@ -254,7 +254,7 @@ def test_a_search_that_loses_its_way_goes_on_in_a_box():
 
 
 @pytest.mark.slow
-def test_a_step_to_a_design_that_collapses_is_shortened():
+def test_a_step_to_a_collapsing_design_is_shortened():
     """Tip of a perfectly plastic cantilever: delta/delta_y = (5 - (3 + m) sqrt(3 - 2 m))/m^2 with m = P L/M_y.
 
     The first step from the thick start goes to the lower bound, at 1/8 of the width that carries the load.
@@ -279,7 +279,7 @@ def test_a_step_to_a_design_that_collapses_is_shortened():
 
 
 @pytest.mark.slow
-def test_a_search_that_ends_too_early_is_begun_anew():
+def test_a_search_that_ends_too_early_is_restarted():
     """The lightest beam of a given frequency is that of at least this frequency. With == slsqp ends 6e-6 above it."""
     case = {**leaf(3, 1.0), "loads": [], "masses": [{"at": "leaf@1", "mass": 0.5}],
             "solver": {"type": "eigen", "modes": 1}, "goal": {"kind": "bending", "number": 1}}
@@ -293,7 +293,7 @@ def test_a_search_that_ends_too_early_is_begun_anew():
     ("max(N)", 1), ("2*max(N) - 1", 1), ("max(N) - min(N)", 2), ("max(N)^2", 1), ("-max(N)", 0),
     ("3 - min(Q)*max(N)", 2), ("exp(-max(N))", 0)])
 def test_rows_of_an_expression_of_extremes(text, parts):
-    """The largest row is the expression, whether it grows or falls with its extremes; falling ones have none."""
+    """The largest row is the expression, for increasing and decreasing extremes; decreasing ones have no rows."""
     rng, measure = np.random.default_rng(0), read_measure(text, "--minimise", Vocabulary(ancf2d.load(TEXT)))
     for number in (1, 2, 7, 20):
         places = {name: rng.normal(0.5, 1.0, number) for name in measure.extremes}
@@ -347,8 +347,8 @@ def test_the_lightest_taper_is_that_of_the_beam_equation():
     assert parabola * 0.999 < found.minimum < parabola * 1.03
 
 
-def test_constraints_that_nothing_within_the_bounds_can_meet_end_the_search(monkeypatch):
-    """No height lifts the tip of a cantilever that is pushed down; at its bound, derivatives promise nothing more.
+def test_infeasible_constraints_end_the_search(monkeypatch):
+    """No height lifts the tip of a cantilever under a load down; at its bound, derivatives promise no improvement.
 
     The optimiser is called once. How many points it tries before it ends depends on round-off.
     """

@@ -1,4 +1,4 @@
-"""Observed orders and limits of sequences whose mathematics is known."""
+"""Observed orders and limits of sequences with known mathematics."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_limit_of_two_powers_is_within_the_bar() -> None:
     assert abs(found.value - 2.0) < found.error_bar < 1e-3
 
 
-def test_order_that_still_changes_is_not_asymptotic_and_has_the_larger_bar() -> None:
+def test_a_changing_order_is_not_asymptotic_and_has_the_larger_bar() -> None:
     n = [1, 2, 4, 8]
     f = [2.0 + 1.0 / k - 1.2 / k**3 for k in n]
     found = estimate(n, f, 2.0)
@@ -72,7 +72,7 @@ def test_order_that_still_changes_is_not_asymptotic_and_has_the_larger_bar() -> 
     assert abs(found.value - 2.0) < found.error_bar
 
 
-def test_oscillation_is_said_and_bounded() -> None:
+def test_oscillation_is_reported_and_bounded() -> None:
     found = estimate([2, 4, 8], [1.0, 1.2, 1.1], 1.0)
     assert (found.value, found.order, found.asymptotic) == (1.1, None, False)
     assert found.error_bar == pytest.approx(3 * 0.2)
@@ -99,7 +99,7 @@ def test_one_mesh_and_none_have_no_estimate() -> None:
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-15, -3e-13])
-def test_values_equal_to_round_off_are_an_answer(noise: float) -> None:
+def test_values_equal_to_round_off_are_converged(noise: float) -> None:
     found = estimate([2, 4, 8], [7.0, 7.0 * (1 + noise), 7.0], 7.0)
     assert found.value == pytest.approx(7.0, rel=1e-12)
     assert found.order is None
@@ -119,7 +119,7 @@ def test_sequence_that_reaches_round_off_keeps_its_order() -> None:
     assert found.value == pytest.approx(1.0, abs=1e-11)
 
 
-def test_round_off_is_seen_where_small_differences_stop_falling() -> None:
+def test_round_off_is_detected_when_small_differences_stop_falling() -> None:
     assert round_off_level([1.0, 1.0 + 1e-5, 1.0 + 1e-5 + 1e-9, 1.0 + 1e-5 - 1e-9], 1.0) == 2
     assert round_off_level([1.0, 1.1, 1.11], 1.0) is None
 

@@ -31,7 +31,7 @@ def test_results_keep_the_order_of_the_jobs(processes: int) -> None:
 
 
 @pytest.mark.slow
-def test_death_of_a_process_takes_no_other_job_with_it() -> None:
+def test_death_of_a_process_ends_only_its_job() -> None:
     assert run_jobs(die, list(range(15)), Workers(2), minus) == [0, 1, -2, *range(3, 12), -12, 13, 14]
 
 
@@ -40,7 +40,7 @@ def test_libraries_start_no_threads_in_the_processes() -> None:
     assert run_jobs(threads, [1, 2], Workers(2), minus) == [0, 0]
 
 
-def test_as_many_cores_as_this_process_may_use() -> None:
+def test_the_number_of_available_cores() -> None:
     assert cores() == int(subprocess.run(["nproc"], env={"PATH": os.environ["PATH"]}, capture_output=True, text=True,
                                          check=True).stdout)
 
@@ -69,7 +69,7 @@ ENDS = {signal.SIGINT: 130, signal.SIGTERM: -signal.SIGTERM, signal.SIGKILL: -si
 
 
 def _sweeping(folder: Path, at_once: int = 0) -> subprocess.Popen[str]:
-    """Begin two processes, from one that stops itself as soon as the first has begun if ``at_once`` is a signal."""
+    """Start two processes, from one that stops itself as soon as the first has started if ``at_once`` is a signal."""
     file = folder / "main.py"
     file.write_text(SCRIPT.format(tests=str(HERE), folder=str(folder), at_once=int(at_once)))
     return subprocess.Popen([sys.executable, str(file)], stderr=subprocess.PIPE, text=True, start_new_session=True)
@@ -77,8 +77,8 @@ def _sweeping(folder: Path, at_once: int = 0) -> subprocess.Popen[str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ENDS)
-def test_processes_end_with_the_one_that_began_them(tmp_path: Path, how: signal.Signals) -> None:
-    """Interrupted or killed: no process is left behind, and none says anything."""
+def test_processes_end_with_their_parent(tmp_path: Path, how: signal.Signals) -> None:
+    """Interrupted or killed: no process is left behind, and none prints anything."""
     process = _sweeping(tmp_path)
     children = _wait_for_numbers(tmp_path, 2)
     # a terminal interrupts all of its processes
@@ -93,7 +93,7 @@ def test_processes_end_with_the_one_that_began_them(tmp_path: Path, how: signal.
 
 @pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-def test_processes_that_have_just_begun_are_told_what_to_do_first(tmp_path: Path, how: signal.Signals) -> None:
+def test_new_processes_get_their_first_job(tmp_path: Path, how: signal.Signals) -> None:
     process = _sweeping(tmp_path, how)
     _, said = process.communicate(timeout=60)
     assert (process.returncode, said) == (ENDS[how], "")

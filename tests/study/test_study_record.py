@@ -1,4 +1,4 @@
-"""What a run reads of its states: probes only where a file or a goal over a window of time needs them."""
+"""Values read from the states of a run: probes only if a file or a goal over a window of time needs them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from ancf2d.case import load_case_text
-from ancf2d.solvers.post import Observer
+from ancf2d.solvers.state_results import Observer
 from ancf2d.study.run import run_case, vocabulary
 
 STATES = 11
@@ -29,8 +29,8 @@ MEAN = FALLING + "goal: {probe: tip, quantity: uy, mean_over: [0, 0.1]}\n"
 
 @pytest.mark.parametrize(("case", "out", "reads"), [(FALLING, None, 1), (MEAN, None, STATES),
                                                     (FALLING, "out.h5", STATES)], ids=["end", "window", "file"])
-def test_probes_are_read_where_a_window_or_a_file_needs_them(case: str, out: str | None, reads: int, tmp_path: Path,
-                                                             monkeypatch: pytest.MonkeyPatch) -> None:
+def test_probes_are_read_only_for_a_window_or_a_file(case: str, out: str | None, reads: int, tmp_path: Path,
+                                                     monkeypatch: pytest.MonkeyPatch) -> None:
     read, times = Observer.observe, list[float]()
 
     def observe(self: Observer, state: Any) -> dict[str, dict[str, float]]:

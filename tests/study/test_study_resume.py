@@ -1,4 +1,4 @@
-"""A run through time that is interrupted and goes on: states, probes and summary are those of one that is not."""
+"""Interrupted and resumed motions: states, probes and summary are those of an uninterrupted one."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ SOLVE = registry.solve
 
 def turning(model: Model, resume: dict[str, np.ndarray] | None = None, stop: int = STATES,
             how: type[BaseException] = KeyboardInterrupt) -> Iterator[State]:
-    """Turn all sections 0.5 rad a state, with numbers in between that depend on every bit of those before."""
+    """Rotate all sections by 0.5 rad per state, with intermediate numbers that depend on every earlier bit."""
     first, x = (0, 0.3) if resume is None else (int(resume["k"]) + 1, float(resume["x"]))
     worst = 0.0 if resume is None else float(resume["worst"])
     for k in range(first, STATES + 1):
@@ -82,7 +82,7 @@ def loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LoadedCase:
 
 def run(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase, out: str, stop: int = STATES + 1, *, resume: bool = False,
         how: type[BaseException] = KeyboardInterrupt) -> tuple[dict[str, Any], list[str]]:
-    """Return the summary of a run (empty: it was interrupted) and its remarks."""
+    """Return the summary of a run (empty if interrupted) and its remarks."""
     notes: list[str] = []
     monkeypatch.setattr(registry, "solve", lambda model, start=None: turning(model, start, stop, how))
     try:
@@ -91,8 +91,8 @@ def run(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase, out: str, stop: int
         return {}, notes
 
 
-def test_interrupted_run_goes_on_to_the_same_file_and_summary(monkeypatch: pytest.MonkeyPatch,
-                                                              loaded: LoadedCase) -> None:
+def test_a_resumed_run_has_the_same_file_and_summary(monkeypatch: pytest.MonkeyPatch,
+                                                     loaded: LoadedCase) -> None:
     whole, _ = run(monkeypatch, loaded, "whole.h5")
     assert whole["status"] == "converged"
     for k, stop in enumerate((8, 9, 21)):
@@ -136,9 +136,9 @@ def test_summary_of_a_motion(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase
         np.testing.assert_allclose(r.probes["tip"]["theta"], 0.5 * np.arange(STATES + 1), atol=1e-12)
 
 
-def test_a_run_killed_behind_its_last_state_computes_that_again(monkeypatch: pytest.MonkeyPatch,
-                                                                loaded: LoadedCase) -> None:
-    """The last state has no checkpoint: the run that goes on needs a state to end with."""
+def test_a_run_killed_after_its_last_state_computes_it_again(monkeypatch: pytest.MonkeyPatch,
+                                                             loaded: LoadedCase) -> None:
+    """The last state has no checkpoint: the resumed run needs a state to end with."""
     def dies(*args: Any) -> None:
         raise KeyboardInterrupt
     with monkeypatch.context() as patch:
@@ -152,7 +152,7 @@ def test_a_run_killed_behind_its_last_state_computes_that_again(monkeypatch: pyt
     assert not compare_results("a.h5", "b.h5", rtol=0, everything=True)
 
 
-def test_nothing_to_resume_from_starts_afresh_and_says_so(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase) -> None:
+def test_without_anything_to_resume_a_run_starts_afresh(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase) -> None:
     found, notes = run(monkeypatch, loaded, "a.h5", resume=True)
     assert found["t"] == 3.0
     assert notes == ["there is no unfinished 'a.h5.part': starting from the beginning"]
@@ -175,7 +175,7 @@ def test_a_changed_case_is_refused_and_the_states_stay(monkeypatch: pytest.Monke
 
 def test_a_checkpoint_of_other_values_is_refused_by_name(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase,
                                                          tmp_path: Path) -> None:
-    """Another version of the solver has written it; where no file is kept, as in sweeps, the run starts anew."""
+    """From another version of the solver; without a file, as in sweeps, the run starts afresh."""
     run(monkeypatch, loaded, "a.h5", 9)
     monkeypatch.setattr(registry, "solve", SOLVE)
     with pytest.raises(ResultsError, match=r"'a\.h5\.part': its checkpoint was made by another version of the solver "
@@ -189,8 +189,8 @@ def test_a_checkpoint_of_other_values_is_refused_by_name(monkeypatch: pytest.Mon
 
 @pytest.mark.slow_rows("dynamic, t_end: 3, dt: 0.01, method: hht")
 @pytest.mark.parametrize("solver", ["dynamic, t_end: 3, dt: 0.01, method: hht", "quasi_static, t_end: 3"])
-def test_every_array_of_a_checkpoint_has_to_fit(solver: str) -> None:
-    """Rows that numpy would broadcast, and rows too many, are refused; what had no rows at the start may have grown."""
+def test_every_array_of_a_checkpoint_must_fit(solver: str) -> None:
+    """Arrays with rows that numpy would broadcast, or too many, are refused; initially empty ones may have grown."""
     text = CASE.replace("dynamic, t_end: 3, dt: 0.01", solver).replace(" mean_over: [0, 3],", "")
     model = prepare(load_case_text(text, vocabulary=vocabulary()))
     kind = Run if solver.startswith("dynamic") else Course
@@ -224,7 +224,7 @@ HELD = {"element.yaml": ("element: {type: cable, count: 2}", "element: {definiti
 @pytest.mark.parametrize("file", ["element.yaml", "start.h5"])
 def test_a_case_that_reads_a_changed_file_is_not_resumed(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase,
                                                          tmp_path: Path, file: str) -> None:
-    """States before and after would be those of two models."""
+    """States before and after would belong to two models."""
     run(monkeypatch, loaded, "start.h5")
     (tmp_path / "element.yaml").write_text(ELEMENT)
 
@@ -242,7 +242,7 @@ def test_a_case_that_reads_a_changed_file_is_not_resumed(monkeypatch: pytest.Mon
     assert run(monkeypatch, other(), "a.h5", resume=True)[0]["t"] == 3.0
 
 
-def test_a_failed_run_says_how_far_it_came(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase) -> None:
+def test_a_failed_run_says_how_far_it_got(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase) -> None:
     class GaveUpError(ComputationError):
         def __init__(self) -> None:
             super().__init__("the motion cannot go on", at={"t": 1.0})
@@ -285,9 +285,9 @@ output:
         (0.4, "dt: 2.0e-3, method: generalized_alpha", "every: 5"),
         (0.4, "dt: 2.0e-3, method: energy_momentum", "interval: 0.01"),
         (0.05, "tolerance: 1e-4, method: RK45", "every: 5")])])
-def test_integrators_go_on_from_a_checkpoint_to_the_same_bits(monkeypatch: pytest.MonkeyPatch, solver: str,
-                                                              stored: str) -> None:
-    """The checkpoint is taken by another process: nothing but its arrays is left of the run."""
+def test_integrators_resume_from_a_checkpoint_to_the_same_bits(monkeypatch: pytest.MonkeyPatch, solver: str,
+                                                               stored: str) -> None:
+    """Another process reads the checkpoint: only its arrays remain of the run."""
     monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)  # the solver comes back often
     text = PENDULUM.replace("t_end: 0.4, dt: 2.0e-3", solver).replace("interval: 0.01", stored)
     case = load_case_text(text, vocabulary=vocabulary())

@@ -1,4 +1,4 @@
-"""Designs of samples, and what they say of a value, beside closed forms."""
+"""Designs of samples and their statistics, compared with closed forms."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_a_latin_hypercube_has_one_sample_in_each_stratum() -> None:
 
 @pytest.mark.parametrize(("kind", "n", "near"), [("sobol", 512, 0.03), ("lhs", 512, 0.08), ("random", 4000, 0.08)])
 def test_shares_are_those_of_a_sum_with_an_interaction(kind: str, n: int, near: float) -> None:
-    """y = a + b + 4 c + (a - 1)(b - 1): variances 4, 16/12, 16 e^0.09 (e^0.09 - 1), and 4 * 16/12 that none owns."""
+    """y = a + b + 4 c + (a - 1)(b - 1): variances 4, 16/12, 16 e^0.09 (e^0.09 - 1); interaction 4 * 16/12."""
     drawn = design(LAWS, n, 1, kind)
     a, b, c = (np.array(axis.values) for axis in drawn.axes)
     found = statistics(list(a + b + 4.0 * c + (a - 1.0) * (b - 1.0)), drawn)
@@ -54,7 +54,7 @@ def test_quantiles_and_moments_are_those_of_the_sample() -> None:
     assert found["shares"]["a"] == pytest.approx(1.0, abs=1e-6)
 
 
-def test_what_too_few_samples_or_a_constant_say_is_left_open() -> None:
+def test_statistics_of_too_few_samples_or_constants_are_left_open() -> None:
     drawn = design(LAWS, 16, 0, "sobol")
     assert statistics([1.0] * 16, drawn)["shares"] is None
     assert statistics(list(drawn.axes[0].values), drawn)["shares"] is None

@@ -1,4 +1,4 @@
-"""All combinations of some values of a case: rows, results by content, what is computed again and what is not."""
+"""All combinations of some values of a case: rows, results by content, reused and recomputed results."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def swept(*over: str, overrides: tuple[str, ...] = (), force: bool = False, keep
      [{"type": "cable", "count": 2}, {"type": "ancf", "order": [2, 1]}]),
     ("a='x,y',\"z\"", ["x,y", "z"]), ("a=beam@0.5,null,true", ["beam@0.5", None, True]), ("a=1,1.0,1e0", [1.0]),
     ("a= 1 , 2 ", [1, 2])])
-def test_values_are_those_of_yaml(text: str, values: list[Any]) -> None:
+def test_values_are_read_as_yaml(text: str, values: list[Any]) -> None:
     axis, = read_axes([text])
     assert (axis.path, list(axis.values)) == ("a", values)
 
@@ -59,14 +59,14 @@ def test_combinations_change_the_last_axis_fastest() -> None:
     assert list(combinations(read_axes(["a=1,2", "b=x,y"]))) == [(1, "x"), (1, "y"), (2, "x"), (2, "y")]
 
 
-def test_everything_wrong_with_the_axes_is_told_at_once() -> None:
+def test_all_problems_of_the_axes_are_reported_at_once() -> None:
     with pytest.raises(CaseError) as found:
         read_axes(["a", "b=", "c=[1,2", "d=1,,2", "e=1,*x", "f=1", "f=2", "=3"])
     assert [p.file for p in found.value.problems] == sorted(
         f"--over {t}" for t in ("a", "b=", "c=[1,2", "d=1,,2", "e=1,*x", "f=2", "=3"))
 
 
-def test_too_many_combinations_are_told_before_they_are_made() -> None:
+def test_too_many_combinations_are_reported_before_they_are_made() -> None:
     many = ",".join(map(str, range(1000)))
     with pytest.raises(CaseError, match="1000000 combinations"):
         read_axes([f"a={many}", f"b={many}"])
@@ -87,7 +87,7 @@ def test_every_combination_is_a_row_with_its_exact_answer() -> None:
     assert found.as_json()["rows"][0]["goal"] == found.rows[0].goal
 
 
-def test_without_a_goal_a_row_tells_probes_modes_or_load_factors(folder: Path) -> None:
+def test_without_a_goal_a_row_has_probes_modes_or_load_factors(folder: Path) -> None:
     (folder / "beam.yaml").write_text(BEAM)
     assert list(swept("bodies.beam.element.count=2").rows[0].values) == ["tip.ux", "tip.uy"]
     modes = swept("solver={type: eigen, modes: 2}").rows[0].values
@@ -101,14 +101,14 @@ def test_without_a_goal_a_row_tells_probes_modes_or_load_factors(folder: Path) -
 @pytest.mark.parametrize(("goal", "value"), [
     ("{probe: tip, quantity: theta}", -6e-3), ("{reaction: root, quantity: m}", 6.0),
     ("{quantity: strain_energy}", 0.012)])
-def test_rows_tell_whatever_is_the_goal(folder: Path, goal: str, value: float) -> None:
-    """Rows of other goals do without reactions and energies: F L^2/(2 EI), F L and F^2 L^3/(6 EI)."""
+def test_rows_have_the_value_of_any_goal(folder: Path, goal: str, value: float) -> None:
+    """Rows of other goals omit reactions and energies: F L^2/(2 EI), F L and F^2 L^3/(6 EI)."""
     (folder / "beam.yaml").write_text(f"{BEAM}goal: {goal}\n")
     rows = swept("bodies.beam.element.count=1,2").rows
     assert [row.goal for row in rows] == pytest.approx([value] * 2, rel=1e-9)
 
 
-def test_what_is_refused_or_fails_is_a_row() -> None:
+def test_refusals_and_failures_are_rows() -> None:
     found = swept("bodies.beam.section.EI=1e3,-1", "solver={type: linear_static},{type: static, max_iterations: 1}",
                   overrides=("loads.tip.value=[0, -1e5]",))
     assert [row.status for row in found.rows] == ["converged", "failed", "refused", "refused"]
@@ -129,7 +129,7 @@ def test_internal_errors_cost_one_row(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (row.status, row.reason) == ("failed", "internal error, please report: ZeroDivisionError: no")
 
 
-def test_garbage_is_not_looked_for_among_what_was_there_before(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_garbage_collection_skips_earlier_objects(monkeypatch: pytest.MonkeyPatch) -> None:
     run, frozen = sweep_runs.run_case, list[int]()
 
     def watched(*given: Any, **options: Any) -> Any:
@@ -143,8 +143,8 @@ def test_garbage_is_not_looked_for_among_what_was_there_before(monkeypatch: pyte
 
 
 @pytest.mark.parametrize(("at_start", "left"), [(True, False), (False, True)])
-def test_objects_that_were_frozen_before_stay_so_unless_python_froze_them(at_start: bool, left: bool,
-                                                                          monkeypatch: pytest.MonkeyPatch) -> None:
+def test_objects_frozen_earlier_stay_frozen(at_start: bool, left: bool,
+                                            monkeypatch: pytest.MonkeyPatch) -> None:
     """Python 3.12 starts with some frozen objects, which are no reason to leave all others frozen."""
     gc.freeze()
     monkeypatch.setattr(warmup, "FROZEN", gc.get_freeze_count() if at_start else 0)
@@ -156,7 +156,7 @@ def test_objects_that_were_frozen_before_stay_so_unless_python_froze_them(at_sta
         gc.unfreeze()
 
 
-def test_paths_that_do_not_exist_are_told_at_once_and_nothing_is_computed() -> None:
+def test_unknown_paths_are_reported_at_once_and_nothing_is_computed() -> None:
     with pytest.raises(CaseError) as found:
         swept("bodies.beam.elemnt.count=4,8", "bodies.beam.section.EJ=1,2", "loads.3.value=[0,1]")
     assert sorted(p.file for p in found.value.problems) == [
@@ -164,7 +164,7 @@ def test_paths_that_do_not_exist_are_told_at_once_and_nothing_is_computed() -> N
     assert not Path("out").exists()
 
 
-def test_a_case_that_only_the_axes_complete_is_none_that_is_wrong(folder: Path) -> None:
+def test_a_case_completed_by_the_axes_is_valid(folder: Path) -> None:
     (folder / "beam.yaml").write_text(BEAM.replace(", count: 2", ""))
     assert [row.status for row in swept("bodies.beam.element.count=1,2").rows] == ["converged"] * 2
 
@@ -188,7 +188,7 @@ def test_an_axis_within_a_value_that_is_set_varies_it() -> None:
     assert found.rows[0].goal != found.rows[1].goal
 
 
-def test_folder_in_the_way_of_which_is_a_file_is_told(folder: Path) -> None:
+def test_a_file_in_place_of_the_folder_is_reported(folder: Path) -> None:
     (folder / "out").write_text("mine")
     with pytest.raises(ResultsError, match="cannot make the folder 'out'"):
         swept("bodies.beam.element.count=1")
@@ -208,7 +208,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return found
 
 
-def test_what_is_there_is_used_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_existing_results_are_reused(monkeypatch: pytest.MonkeyPatch) -> None:
     count = runs(monkeypatch)
     first = swept("bodies.beam.element.count=1,2")
     again = swept("bodies.beam.element.count=2,3,1")
@@ -227,7 +227,7 @@ def test_equal_cases_are_run_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert [row.status for row in found.rows] == ["converged"] * len(found.rows)
 
 
-def test_another_case_program_or_file_is_computed_anew(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_case_program_or_file_is_recomputed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     count = runs(monkeypatch)
     swept("bodies.beam.element.count=1")
     swept("bodies.beam.element.count=1", overrides=("bodies.beam.section.EI=2e3",))
@@ -247,7 +247,7 @@ def test_another_case_program_or_file_is_computed_anew(folder: Path, monkeypatch
 
 
 @pytest.mark.slow
-def test_a_file_that_is_not_what_its_name_says_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_does_not_match_its_name_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
     one, two = swept("bodies.beam.element.count=1,2", keep=True).rows
     assert one.output is not None
     assert two.output is not None
@@ -280,7 +280,7 @@ def test_the_state_that_a_motion_starts_from_is_part_of_its_name(folder: Path) -
 
 
 def test_a_worker_without_the_folder_of_result_files_says_so() -> None:
-    """As on another machine, which does not share it."""
+    """As on another machine without a shared folder."""
     job, = plan("beam.yaml", read_axes(["bodies.beam.element.count=1"]), (), Path("out"), ALONE, keep=True).jobs
     told = sweep_runs.solve_job(replace(job, output=str(Path("elsewhere", "runs", "row.h5"))))
     assert told["status"] == "failed"
@@ -290,7 +290,7 @@ def test_a_worker_without_the_folder_of_result_files_says_so() -> None:
 
 # ---------------------------------------------------------------------------- tables
 
-def test_columns_have_the_shortest_names_that_tell_them_apart() -> None:
+def test_columns_have_the_shortest_distinct_names() -> None:
     assert short_names(["bodies.a.element.count", "loads.0.value"]) == ["count", "value"]
     assert short_names(["bodies.a.element.count", "bodies.b.element.count", "title"]) == [
         "a.element.count", "b.element.count", "title"]
@@ -298,7 +298,7 @@ def test_columns_have_the_shortest_names_that_tell_them_apart() -> None:
     assert short_names(["loads.tip.value.1", "loads.0.value.0"]) == ["value.1", "value.0"]
 
 
-def test_reasons_name_what_was_meant() -> None:
+def test_reasons_suggest_the_intended_name() -> None:
     row = swept("bodies.beam.element.type=cable,cabel").rows[1]
     assert row.reason == "bodies.beam.element.type: 'cabel' is not known; did you mean 'cable'?"
 
@@ -318,8 +318,8 @@ def test_csv_has_a_line_per_row_at_full_precision(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("finished", [False, True])
-def test_a_result_that_another_run_is_writing_is_waited_for(monkeypatch: pytest.MonkeyPatch, finished: bool) -> None:
-    """Where that run ends without one, the case is run here; else its result is taken."""
+def test_a_sweep_waits_for_a_result_that_another_run_writes(monkeypatch: pytest.MonkeyPatch, finished: bool) -> None:
+    """If that run ends without a result, the case is run here; otherwise its result is used."""
     count = runs(monkeypatch)
     found = plan("beam.yaml", read_axes(["bodies.beam.element.count=2"]), (), Path("out"), ALONE, keep=True)
     job, = found.jobs

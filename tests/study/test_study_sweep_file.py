@@ -1,4 +1,4 @@
-"""sweep.h5: all rows in one file, identical to single runs, and what is left of a sweep that was ended."""
+"""sweep.h5: all rows in one file, identical to single runs, and the remains of an interrupted sweep."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_ranges(text: str, values: list[Any]) -> None:
     assert [type(v) for v in axis.values] == [type(v) for v in values]
 
 
-def test_wrong_ranges_and_distributions_are_told_together() -> None:
+def test_wrong_ranges_and_distributions_are_reported_together() -> None:
     wrong = ["a=1:2", "b=1:2:1", "c=log:0:1:3", "d=1:x:3", "e=1:2:3:4", "f=log:1:2:2.5"]
     with pytest.raises(CaseError) as found:
         read_axes(wrong)
@@ -66,7 +66,7 @@ def test_wrong_ranges_and_distributions_are_told_together() -> None:
         f"--sample {t}" for t in [*wrong, "g~normal(0, 2)"])
 
 
-def test_lists_that_are_paired_run_together() -> None:
+def test_paired_lists_run_together() -> None:
     found = swept(f"{EI}=1e3,2e3,1e3", f"{F}=[0,-3],[0,-6],[0,-12]", paired=True)
     assert [row.goal for row in found.rows] == pytest.approx([-8e-3, -8e-3, -32e-3], rel=1e-9)
     with pytest.raises(CaseError) as told:
@@ -106,7 +106,7 @@ def test_units_and_descriptions_stand_beside_all_columns() -> None:
 # ---------------------------------------------------------------------------- what is left
 
 def count_runs(monkeypatch: pytest.MonkeyPatch, after: int = 99) -> list[Any]:
-    """Return a list that grows with every run; the one after ``after`` is interrupted."""
+    """Return a list that grows with every run; the run after ``after`` is interrupted."""
     runs: list[Any] = []
     real = sweep_runs.run_case
 
@@ -119,7 +119,7 @@ def count_runs(monkeypatch: pytest.MonkeyPatch, after: int = 99) -> list[Any]:
     return runs
 
 
-def test_an_interrupted_sweep_goes_on_from_its_file(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_sweep_resumes_from_its_file(monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patch:
         count_runs(patch, after=2)
         with pytest.raises(KeyboardInterrupt):
@@ -137,8 +137,8 @@ def test_an_interrupted_sweep_goes_on_from_its_file(monkeypatch: pytest.MonkeyPa
     assert [row.reused for row in swept(f"{EI}=5e3,4e3,1e3").rows] == [False, True, True]
 
 
-def test_a_killed_sweep_goes_on_from_its_list(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A kill leaves the list as it was after the last row, or with a line cut off."""
+def test_a_killed_sweep_resumes_from_its_list(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A kill leaves the list as after the last row, or with an incomplete line."""
     kept: list[bytes] = []
 
     def killed(ledger: sweep_table.Ledger, sweep: Sweep) -> None:
@@ -159,7 +159,7 @@ def test_a_killed_sweep_goes_on_from_its_list(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("name", ["sweep.h5", "sweep.rows"])
-def test_files_that_ancf2d_did_not_make_are_replaced_by_force_only(name: str) -> None:
+def test_files_of_other_programs_are_replaced_only_with_force(name: str) -> None:
     Path("out").mkdir()
     Path("out", name).write_text("mine")
     with pytest.raises(ResultsError, match="not made by ancf2d"):
@@ -168,7 +168,7 @@ def test_files_that_ancf2d_did_not_make_are_replaced_by_force_only(name: str) ->
     assert swept(f"{EI}=1e3,2e3", force=True).as_json()["status"] == "converged"
 
 
-def test_a_damaged_file_costs_its_rows_only() -> None:
+def test_a_damaged_file_costs_only_its_rows() -> None:
     swept(f"{EI}=1e3,2e3")
     whole = Path("out/sweep.h5").read_bytes()
     Path("out/sweep.h5").write_bytes(whole[:len(whole) // 2])
@@ -177,8 +177,8 @@ def test_a_damaged_file_costs_its_rows_only() -> None:
 
 
 @pytest.mark.slow
-def test_a_motion_without_a_file_goes_on_from_its_checkpoint(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The result is that of a motion that was not interrupted, bit for bit."""
+def test_a_motion_without_a_file_resumes_from_its_checkpoint(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The result is that of an uninterrupted motion, bit for bit."""
     motion = ("solver={type: dynamic, t_end: 1, dt: 2e-3, estimate: false}", "output.every=1")
     whole = swept(f"{EI}=1e3", overrides=motion).rows[0]
     os.unlink("out/sweep.h5")

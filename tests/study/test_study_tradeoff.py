@@ -1,4 +1,4 @@
-"""Error against cost: errors by closed forms and finer solutions, costs as counts, budgets by a clock of the test."""
+"""Error against cost: errors from closed forms and finer solutions, counted costs, budgets by the clock of the test."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def chosen(types: str = "reissner2", **more: Any) -> Choice:
 
 
 def ticking(step: float) -> Callable[[], float]:
-    """Return a clock that goes on by ``step`` whenever it is read."""
+    """Return a clock that advances by ``step`` at every reading."""
     moment = [0.0]
 
     def now() -> float:
@@ -86,8 +86,8 @@ def test_errors_are_those_of_the_closed_form() -> None:
     assert study.series[0].limit.answer.value == pytest.approx(BENDING + SHEAR, rel=1e-8)
 
 
-def test_error_too_close_to_that_of_its_reference_is_a_bound_and_no_number() -> None:
-    """Cubic elements are exact at their nodes: what is left is round-off, in the reference as in the rows."""
+def test_an_error_near_that_of_its_reference_is_only_bounded() -> None:
+    """Cubic elements are exact at their nodes: only round-off remains, in the reference as in the rows."""
     study = tradeoff(load(), chosen("cable", meshes=(1, 2, 4)))
     for row in study.rows:
         assert row.error is None
@@ -99,14 +99,14 @@ def test_error_too_close_to_that_of_its_reference_is_a_bound_and_no_number() -> 
 
 
 @pytest.mark.parametrize(("error", "told"), [(9.9e-6, False), (1.01e-5, True)])
-def test_errors_are_told_from_ten_times_that_of_the_reference(error: float, told: bool) -> None:
+def test_errors_are_given_from_ten_times_that_of_the_reference(error: float, told: bool) -> None:
     reference = Limit(GoalValue(1.0, 1.0), 1e-6)
     assert reference.resolves(reference.error(GoalValue(1.0 + error, 1.0))) is told
     assert not Limit(GoalValue(1.0, 1.0), math.inf).resolves(1.0)
     assert not Limit(note="unknown").resolves(math.inf)
 
 
-def test_without_finer_meshes_the_finest_rows_are_not_told() -> None:
+def test_without_finer_meshes_the_finest_rows_have_no_error() -> None:
     """With a budget that ends after three meshes, the third is as fine as its own reference."""
     done: list[float] = []
     study = tradeoff(load(), chosen(meshes=(2, 4, 8), budget=10.0), done=lambda share, left: done.append(share),
@@ -119,7 +119,7 @@ def test_without_finer_meshes_the_finest_rows_are_not_told() -> None:
 
 @pytest.mark.parametrize(("values", "known"), [((1.0, 1.1, 1.11, 1.2, 1.25), False),
                                                ((1.0, 1.5, 1.7, 1.8, 1.85), True)])
-def test_answers_that_finer_meshes_move_the_more_have_no_known_limit(values: tuple[float, ...], known: bool) -> None:
+def test_diverging_answers_have_no_known_limit(values: tuple[float, ...], known: bool) -> None:
     planned = Planner(load(), chosen(meshes=(2, 4, 8)), ALONE).series()[0]
     for task, value in zip(planned.reference.tasks, values, strict=False):
         found = Measured(task, "reissner2", "", task.elements, answer=GoalValue(value, value))
@@ -172,8 +172,8 @@ def test_front_is_over_all_rows_by_error_and_time() -> None:
         assert row.pareto == (not any(p != point and p[0] <= point[0] and p[1] <= point[1] for p in points))
 
 
-def test_study_ends_with_its_budget_and_says_what_is_missing() -> None:
-    """A clock that goes on by a second whenever it is read: fewer solutions than seconds."""
+def test_a_study_ends_with_its_budget_and_lists_missing_rows() -> None:
+    """A clock that advances by a second at every reading: fewer solutions than seconds."""
     choice = chosen("reissner2,cable", meshes=(2, 4, 8, 16), budget=5.0)
     study = tradeoff(load(), choice, clock=ticking(1.0))
     assert 0 < len(study.rows) < 5
@@ -197,7 +197,7 @@ def test_default_meshes_double_in_the_proportions_of_the_case_and_end_where_noth
 
 
 @pytest.mark.slow
-def test_frequencies_are_judged_and_models_are_told_apart() -> None:
+def test_frequencies_are_judged_and_models_are_distinguished() -> None:
     study = tradeoff(load(THICK), chosen("cable,vallejo", meshes=(4, 8)))
     cable, vallejo = study.series
     assert study.continuum.known
@@ -217,7 +217,7 @@ def test_frequencies_are_judged_and_models_are_told_apart() -> None:
     assert total.recommended(1e-2) in studied(total, "vallejo")
 
 
-def test_there_is_no_continuum_behind_stiffnesses() -> None:
+def test_stiffnesses_have_no_continuum_reference() -> None:
     study = tradeoff(load(), chosen(meshes=(2, 4)))
     assert study.as_json()["continuum"] is None
     assert "stiffnesses" in study.continuum.note
@@ -246,7 +246,7 @@ def test_motion_is_judged_over_integrators_steps_and_meshes() -> None:
     assert again.answer.value == best["value"]
 
 
-def test_steps_and_integrators_of_a_case_that_stands_still_are_refused() -> None:
+def test_steps_and_integrators_of_a_static_case_are_refused() -> None:
     with pytest.raises(CaseError, match="no integrator to choose"):
         tradeoff(load(), chosen(key="dt", steps=(1e-3,)))
     with pytest.raises(CaseError, match="no goal"):

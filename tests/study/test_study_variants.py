@@ -74,7 +74,7 @@ def test_multiples_of_the_case_keep_its_proportions() -> None:
     assert not proportional(case, {"post": 18, "strut": 13})
 
 
-def test_own_type_keeps_all_that_the_case_says_of_it() -> None:
+def test_the_type_of_the_case_keeps_its_options() -> None:
     loaded = frame()
     case = varied(loaded, Variant(), {"post": 9, "strut": 2})
     for name, count in (("post", 9), ("strut", 2)):
@@ -84,7 +84,7 @@ def test_own_type_keeps_all_that_the_case_says_of_it() -> None:
             assert getattr(after, key) == getattr(before, key), key
 
 
-def test_another_type_has_its_own_defaults_and_the_shear_factor_where_it_shears() -> None:
+def test_another_type_has_its_own_defaults_and_keeps_the_shear_factor() -> None:
     loaded, counts = frame(), {"post": 6, "strut": 4}
     post, strut = varied(loaded, Variant("ancf", (3, 2)), counts).bodies.values()
     assert (post.element.type, post.element.order, post.element.preset) == ("ancf", (3, 2), None)
@@ -131,7 +131,7 @@ def test_an_element_in_a_file_is_a_type_among_others(tmp_path: Path, monkeypatch
     assert [row.element for row in study.rows] == ["mine", "mine"]
 
 
-def test_a_file_that_describes_no_element_is_told_with_its_lines(tmp_path: Path) -> None:
+def test_a_file_that_describes_no_element_is_reported_with_its_lines(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text(MINE.replace("x^3", "x^^3"))
     with pytest.raises(CaseError, match=r"mine\.yaml:2"):
         parse_variants(str(tmp_path / "mine.yaml"))
@@ -142,8 +142,8 @@ def test_member_of_the_family_is_the_registrys() -> None:
     assert element_named("vallejo").name == "vallejo"
 
 
-def test_meshes_that_double_are_nested_where_stretches_are_unequal() -> None:
-    """All have the node where the load acts, and every node of the mesh before."""
+def test_doubled_meshes_are_nested_with_unequal_stretches() -> None:
+    """All have the node at the load, and every node of the previous mesh."""
     text = FRAME.replace("solver:", "loads: [{type: force, at: post@0.77, value: [1, 0]}]\nsolver:").replace(
         "preset: paper", "nodes: acting")
     loaded = load_case_text(text.replace("POST", "7").replace("STRUT", "4"), vocabulary=vocabulary())

@@ -35,7 +35,7 @@ def kernels(*overrides: str) -> str:
     return kernels_of(load_case_text(CASE, overrides=overrides, vocabulary=vocabulary()).data)
 
 
-def test_words_of_a_case_select_its_kernels_and_numbers_do_not() -> None:
+def test_kernels_depend_on_words_of_a_case_and_not_on_numbers() -> None:
     one = kernels()
     assert one == kernels("bodies.beam.element.count=32", "loads.tip.value=[3, 1e7]", "title=Another",
                           "bodies.beam.section.EI=5")
@@ -47,13 +47,13 @@ def test_words_of_a_case_select_its_kernels_and_numbers_do_not() -> None:
 
 @pytest.mark.slow
 def test_no_two_processes_compile_at_the_same_time(tmp_path: Path) -> None:
-    """Different kernels, too: the index of a function's kernels is one file."""
+    """Even different kernels: the index of a function's kernels is one file."""
     spans = run_jobs(compile_alone, [(str(tmp_path), "a"), (str(tmp_path), "b")], Workers(2), lambda job: (0.0, 0.0))
     (first, end), (second, _) = sorted(spans)
     assert 0.0 < first < end <= second
 
 
-def test_what_was_compiled_before_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_compiled_kernels_are_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warmup, "STOPPED_AFTER", 0.2)
     with _compile_lock(tmp_path, "kernels"):
         pass
@@ -65,19 +65,19 @@ def test_what_was_compiled_before_is_not_waited_for(tmp_path: Path, monkeypatch:
     os.close(lock)
 
 
-def test_what_could_not_be_compiled_is_not_held_to_be_there(tmp_path: Path) -> None:
+def test_failed_compilations_are_not_recorded(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError), _compile_lock(tmp_path, "kernels"):
         raise ZeroDivisionError
     assert [p.name for p in tmp_path.iterdir()] == ["lock"]
 
 
-def test_a_cache_that_cannot_be_locked_is_used_without(tmp_path: Path) -> None:
+def test_a_cache_that_cannot_be_locked_is_used_without_a_lock(tmp_path: Path) -> None:
     with _compile_lock(tmp_path / "none", "kernels"):
         pass
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_process_that_has_stopped_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stopped_process_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warmup, "STOPPED_AFTER", 0.2)
     lock, told = os.open(tmp_path / "lock", os.O_RDWR | os.O_CREAT), list[str]()
     fcntl.flock(lock, fcntl.LOCK_EX)
@@ -108,7 +108,7 @@ def test_a_process_that_compiles_for_long_is_waited_for(tmp_path: Path, monkeypa
     assert (had, told) == ([True], [])
 
 
-def test_names_of_what_was_compiled_do_not_pile_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_records_of_compiled_kernels_do_not_accumulate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warmup, "MOST_NAMES", 100)
     for k in range(50):
         with _compile_lock(tmp_path, f"{k:016x}"):
@@ -118,7 +118,7 @@ def test_names_of_what_was_compiled_do_not_pile_up(tmp_path: Path, monkeypatch: 
     assert warmup._is_compiled(tmp_path, f"{49:016x}")
 
 
-def test_why_kernels_are_compiled_every_time_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reason_for_repeated_compilation_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jit, "CACHE", None)
     monkeypatch.setattr(jit, "REFUSED", "'/here' belongs to another user")
     monkeypatch.setattr(warmup, "PATIENCE", 0.0)
@@ -132,7 +132,7 @@ def test_why_kernels_are_compiled_every_time_is_told(monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.parametrize("missed", [False, True])
-def test_only_what_is_compiled_is_said_to_be(monkeypatch: pytest.MonkeyPatch, missed: bool) -> None:
+def test_only_compilation_is_reported(monkeypatch: pytest.MonkeyPatch, missed: bool) -> None:
     """Reading kernels may take long on a busy machine, too."""
     monkeypatch.setattr(jit, "cache_is_cold", lambda: False)
     monkeypatch.setattr(jit, "CACHE", "somewhere")
@@ -151,8 +151,8 @@ def test_only_what_is_compiled_is_said_to_be(monkeypatch: pytest.MonkeyPatch, mi
     assert texts == (["compiling kernels for this machine (first run of this kind only) ..."] if missed else [])
 
 
-def test_kernels_of_a_kind_of_case_are_gone_through_once_in_a_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A loop over cases of one kind pays for it once; other numbers are the same kind, another element is not."""
+def test_kernels_of_a_kind_of_case_are_prepared_once_per_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Later cases of the kind cost nothing; other numbers are the same kind, another element is not."""
     touched: list[str] = []
     monkeypatch.setattr(warmup, "_READY", set())
     monkeypatch.setattr(warmup, "_touch", lambda model, cold: touched.append(next(iter(model.meshes))))
@@ -161,9 +161,9 @@ def test_kernels_of_a_kind_of_case_are_gone_through_once_in_a_process(monkeypatc
     assert len(touched) == 2
 
 
-def test_a_motion_whose_kernels_were_gone_through_first_is_the_same_bit_for_bit(
+def test_a_motion_with_prepared_kernels_is_the_same_bit_for_bit(
         monkeypatch: pytest.MonkeyPatch) -> None:
-    """A strip slides over a floor: going through the first moment leaves nothing that friction would hold to."""
+    """A strip slides over a floor: the preparation leaves no anchor of friction behind."""
     quick = {"bodies.strip.element.count": 2, "solver.dt": 0.01, "solver.t_end": 0.1}
     monkeypatch.setattr(warmup, "_READY", set())
     one, other = (ancf2d.solve(ROOT / "cases/contact/sliding_strip.yaml", quick) for _ in range(2))
@@ -172,8 +172,8 @@ def test_a_motion_whose_kernels_were_gone_through_first_is_the_same_bit_for_bit(
     assert one.summary["energy"] == other.summary["energy"]
 
 
-def test_every_law_of_a_material_that_a_formulation_takes_is_compiled_ahead() -> None:
-    """A material with memory or of large strains is in a case of each formulation that is not refused with it."""
+def test_every_law_that_a_formulation_accepts_is_compiled_ahead() -> None:
+    """A material with memory or of large strains is in a case of each formulation that accepts it."""
     def laws(case: dict[str, Any]) -> set[tuple[str, str]]:
         return {(body["element"]["formulation"], kind) for body in case.get("bodies", {}).values()
                 if "formulation" in body["element"]

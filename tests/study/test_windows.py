@@ -1,4 +1,4 @@
-"""Goals over windows of time: means and peaks of a bar that is pulled over a floor, whose waves are known.
+"""Goals over windows of time: means and peaks of a bar pulled over a floor, with known waves.
 
 A bar slides along a floor at the speed at which its end is pulled when friction mu rho A g sets in. While it slides on,
 its axial forces are those of a bar under a load per length b that is applied at once: with k_n = (2 n - 1) pi/(2 L),
@@ -57,14 +57,14 @@ def pulled(goal: str, more: str = "", interval: str = "1e-3") -> LoadedCase:
 
 
 def contains(accuracy: dict, truth: float) -> None:
-    """Ask that a bar contains what is true, and is at most 5 times as wide as the error, or as wide as wanted."""
+    """Check that an error bar contains the true value, and is at most 5 times the error, or as wide as required."""
     off = abs(accuracy["value"] - truth)
     assert accuracy["achieved"]
     assert off <= accuracy["absolute"] <= max(5.0 * off, accuracy["wanted"] * abs(truth))
 
 
-def test_the_bar_of_a_mean_force_contains_the_truth():
-    """The force that pulls rises to 2 mu m g in two passages and falls: its mean from 0.5 to 2.5 of them is 1.375."""
+def test_the_error_bar_of_a_mean_force_contains_the_true_value():
+    """The pulling force rises to 2 mu m g in two passages and falls: its mean from 0.5 to 2.5 of them is 1.375."""
     truth = -1.375 * MU * 10.0 * L
     assert -axial_force(0.0, (BEGIN, END)) == pytest.approx(truth, rel=1e-5)
     found = solve_to_accuracy(pulled(f"reaction: pull, quantity: fx, mean_over: [{BEGIN}, {END}]", "accuracy: 1e-2"))
@@ -75,13 +75,13 @@ def test_the_bar_of_a_mean_force_contains_the_truth():
 @pytest.mark.parametrize(("goal", "wanted", "truth"), [
     (f"reaction: pull, quantity: fx, peak_over: [{BEGIN}, {END}]", "3e-2", 2.0 * MU * 10.0 * L),
     (f"probe: mid, quantity: N, mean_over: [{BEGIN}, {END}]", "1e-3", axial_force(0.5, (BEGIN, END)))])
-def test_bars_of_a_peak_and_of_a_section_force_contain_the_truth(goal, wanted, truth):
+def test_error_bars_of_a_peak_and_of_a_section_force_contain_the_true_value(goal, wanted, truth):
     found = solve_to_accuracy(pulled(goal, f"accuracy: {wanted}"))
     contains(found.accuracy, truth)
 
 
 def test_windows_of_straight_lines():
-    """The trapezoidal rule is exact where samples are joined by straight lines, also between samples."""
+    """The trapezoidal rule is exact for piecewise linear samples, also between samples."""
     t, f = np.array([0.0, 1.0, 2.0, 4.0]), np.array([0.0, 2.0, -3.0, 1.0])
     assert mean(t, f, (0.5, 1.5)) == pytest.approx((0.5 * (1.0 + 2.0) / 2 + 0.5 * (2.0 - 0.5) / 2) / 1.0, rel=1e-14)
     assert mean(t, f, (0.0, 4.0)) == pytest.approx((1.0 - 0.5 - 2.0) / 4.0, rel=1e-14)
@@ -89,8 +89,8 @@ def test_windows_of_straight_lines():
     assert peak(t, f, (0.0, 4.0)) == 3.0
 
 
-def test_stored_times_too_far_apart_are_told():
-    """Every second of few samples moves the mean by more than half of what is wanted."""
+def test_stored_times_too_far_apart_are_reported():
+    """Every second of few samples moves the mean by more than half of the required accuracy."""
     goal = f"reaction: pull, quantity: fx, mean_over: [{BEGIN}, {END}]"
     assert solve_for_goal(pulled(goal)).answer.sampling < 1e-3
     assert solve_for_goal(pulled(goal, interval="0.02")).answer.sampling > 0.05
@@ -115,8 +115,8 @@ output: {{probes: {{tip: bar@1}}}}
     assert slopes[0, 0] == pytest.approx(values[0] / 1e-3, rel=1e-4)
 
 
-def test_a_run_tells_windows_on_the_command_line(tmp_path, monkeypatch):
-    """A run prints the value and what stored times leave open; ``--json`` has both and is as its schema says."""
+def test_the_command_line_prints_windows(tmp_path, monkeypatch):
+    """A run prints the value and the error of stored times; ``--json`` has both and follows its schema."""
     monkeypatch.chdir(tmp_path)
     goal = f"goal: {{reaction: pull, quantity: fx, mean_over: [{BEGIN}, {END}]}}\n"
     (tmp_path / "a.yaml").write_text(f"format: 1\n{PULLED}{goal}", encoding="utf-8")
@@ -132,7 +132,7 @@ def test_a_run_tells_windows_on_the_command_line(tmp_path, monkeypatch):
 @pytest.mark.parametrize("window", [(0.5, 2.75), (1.0, 3.0), (0.0, 4.0)])
 @pytest.mark.parametrize("of", [mean, peak])
 def test_weights_of_a_window_are_its_derivatives(of, window) -> None:
-    """With a jump at t = 2; both values are of first degree in the samples, so that they are weights times samples."""
+    """With a jump at t = 2; both values are linear in the samples, so they are weights times samples."""
     t, f = np.array([0.0, 1.0, 2.0, 2.0, 3.0, 4.0]), np.array([0.3, 1.0, -0.5, -2.0, 1.5, 0.1])
     goal = SimpleNamespace(mean_over=window if of is mean else None, peak_over=window if of is peak else None)
     weights = window_weights(goal, t, f)

@@ -1,4 +1,4 @@
-"""Outputs of cases as small readable JSON files, and the comparison with them."""
+"""Outputs of cases as small readable JSON files, and comparison with them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ KINDS = {"x": "length", "y": "length", "ux": "displacement", "uy": "displacement
 
 
 def outputs(summary: dict[str, Any]) -> dict[str, Any]:
-    """Return what is stored of a run; modes by kind and number, so that another name is a deviation too.
+    """Return the stored values of a run, with modes by kind and number, so that another name is a deviation too.
 
     Of a motion only places and energies: rates and reactions follow steps, which round-off decides.
     """
@@ -46,7 +46,7 @@ def flatten(stored: dict[str, Any]) -> dict[str, float]:
 
 
 def scales(values: dict[str, float]) -> dict[str, float]:
-    """Return the size of each kind of value; what is zero by symmetry is judged against the others.
+    """Return the size of each kind of value, which judges values that vanish by symmetry.
 
     A rotation counts as displacement over length, a moment as force times length or as energy.
     """

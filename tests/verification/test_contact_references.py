@@ -1,4 +1,4 @@
-"""Solutions of beams that touch something, checked against each other, their limits and published numbers."""
+"""References of beams in contact, checked against each other, their limits and published numbers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from scipy.special import beta
 SLIM = Beam(math.inf, math.inf, 1.0)
 
 
-def test_a_strip_leaves_the_drum_where_point_contact_ends() -> None:
+def test_a_strip_lies_on_the_drum_beyond_the_limit_of_point_contact() -> None:
     R = 2.0
     # just as it begins to lie on the drum it is a cantilever whose moment at the clamp is EI/R
     force = brentq(lambda f: f * (1 + cantilever(SLIM, 1.0, [0, -f])[0]) - 1 / R, 0.5, 0.6)
@@ -71,7 +71,7 @@ def test_the_work_of_the_plates_is_the_energy_of_the_ring() -> None:
     assert P * (2.0 - height) - complementary == pytest.approx(energy, rel=1e-6)
 
 
-def test_a_beam_on_knife_edges_is_simply_supported_while_it_is_flat() -> None:
+def test_a_flat_beam_on_knife_edges_is_simply_supported() -> None:
     force, sag = c.on_knife_edges(1.0, 0.5, 1e-4)
     assert sag == pytest.approx(force / 48, rel=1e-6)
     most, _ = c.most_on_knife_edges(1.0, 0.5)
@@ -87,7 +87,7 @@ def test_a_beam_on_knife_edges_is_simply_supported_while_it_is_flat() -> None:
     np.testing.assert_allclose(end(q)[:2], support, atol=1e-10)
 
 
-def test_a_heavy_beam_comes_off_the_floor_as_its_small_rotations_say() -> None:
+def test_a_heavy_beam_lifts_off_the_floor_as_for_small_rotations() -> None:
     length, force = c.lifted_from_floor(1.0, 1e-3, 1e-4)
     far, end = c.lifted_far(1.0, 1e-3, force)
     assert far == pytest.approx(length, rel=1e-5)
@@ -105,7 +105,7 @@ def test_stages_between_walls_follow_one_another() -> None:
     assert before == pytest.approx(after, rel=1e-6)
 
 
-def test_discs_roll_as_bowled_ones_end() -> None:
+def test_rolling_discs_agree_with_the_end_of_bowled_ones() -> None:
     t, v = c.bowled(3.0, 0.2, 9.81, 0.5)
     assert v == pytest.approx(2.0)
     assert t == pytest.approx(1.0 / (0.2 * 9.81))
@@ -115,7 +115,7 @@ def test_discs_roll_as_bowled_ones_end() -> None:
         assert s == pytest.approx(turned, rel=1e-6)
 
 
-def test_impacts_keep_what_they_keep() -> None:
+def test_impacts_satisfy_their_conservation_laws() -> None:
     duration, force, after = c.bar_against_wall(4.0, 1.0, 3.0, 0.1)
     # a stiff layer is a wall
     pressed, impulse = c.bar_against_layer(4.0, 1.0, 3.0, 0.1, 1e5, 0.5 * duration)

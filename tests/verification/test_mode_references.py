@@ -1,4 +1,4 @@
-"""The references of ``cases/modes`` and ``cases/buckling`` are what their equations give, digit by digit."""
+"""The references of ``cases/modes`` and ``cases/buckling`` follow from their equations, digit by digit."""
 
 from pathlib import Path
 

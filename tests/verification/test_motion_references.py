@@ -1,4 +1,4 @@
-"""The motions that ``cases/dynamic`` expects, computed anew; the method itself against published values."""
+"""The motions that ``cases/dynamic`` expects, recomputed; the method itself compared with published values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The equations that ancf2d is compared with are right: matrices, frequencies and motions of the textbooks."""
+"""The independent equations are right: matrices, frequencies and motions of the textbooks."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ def test_a_bar_has_timoshenkos_matrix_at_its_ends() -> None:
     assert condensed == pytest.approx(wanted, abs=1e-9 * a)
 
 
-def test_an_even_load_on_a_clamped_beam() -> None:
-    """Both ends take half of the load and f L^2/12."""
+def test_a_uniform_load_on_a_clamped_beam() -> None:
+    """Both ends bear half of the load and f L^2/12."""
     supports = [*CLAMP, {"name": "other", "type": "clamp", "at": "b@1"}]
     found = linear(beam(line(1.5), boundary_conditions=supports,
                         loads=[{"type": "distributed", "on": "b", "value": [0, -4.0]}]))
@@ -60,7 +60,7 @@ def test_an_even_load_on_a_clamped_beam() -> None:
     assert (reactions["other"]["fy"], reactions["other"]["m"]) == pytest.approx((3.0, -0.75))
 
 
-def test_a_quarter_of_a_circle_bends_as_castigliano_says() -> None:
+def test_a_quarter_circle_bends_as_castigliano_says() -> None:
     """Clamped at (R, 0), P down at (0, R): v = P R (pi/4 R^2/EI + pi/4 /EA + pi/4 /kGA)."""
     R, P = 0.8, 1e-3
     arc = {"type": "arc", "center": [0, 0], "radius": R, "from": 0.0, "to": math.pi / 2}
@@ -70,7 +70,7 @@ def test_a_quarter_of_a_circle_bends_as_castigliano_says() -> None:
 
 
 def test_a_moment_bends_a_beam_to_a_circle() -> None:
-    """theta = M L/EI, so that a beam of length L closes to most of a circle; its section forces stay."""
+    """theta = M L/EI, so a beam of length L closes to most of a circle; its section forces are constant."""
     L, turn = 1.0, 5.0
     M = turn * EI / L
     found = large(beam(line(L), boundary_conditions=CLAMP, loads=[{"type": "moment", "at": "b@1", "value": M}]),
@@ -111,8 +111,8 @@ def test_a_rigid_pendulum_swings_as_jacobis_functions() -> None:
     assert energies["kinetic"] == pytest.approx(-m * g * fall, rel=1e-9)
 
 
-def test_a_pin_that_velocities_break_takes_no_momentum() -> None:
-    """Two rods pinned at their ends, one at rest: m v in all is kept, and so is what turns about the origin."""
+def test_the_projection_of_velocities_conserves_momentum() -> None:
+    """Two rods pinned at their ends, one at rest: momentum and angular momentum about the origin are conserved."""
     rod = {"type": "rigid", "mass": 1.0, "inertia": 1 / 12}
     bodies = {"a": {"geometry": line(1.0), "element": rod},
               "b": {"geometry": {"type": "line", "start": [1, 0], "end": [2, 0]}, "element": rod}}

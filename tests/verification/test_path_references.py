@@ -1,4 +1,4 @@
-"""The limit points and post-buckling shapes that ``cases/paths`` expects, computed anew without finite elements."""
+"""The limit points and post-buckling shapes that ``cases/paths`` expects, recomputed without finite elements."""
 
 from __future__ import annotations
 

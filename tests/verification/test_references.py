@@ -1,4 +1,4 @@
-"""The exact values that cases expect, computed anew from the beam's differential equation."""
+"""The exact values that cases expect, recomputed from the beam's differential equation."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_follower_force() -> None:
                                rtol=1e-10)
 
 
-def test_follower_force_that_hardly_turns_is_a_dead_one() -> None:
+def test_a_follower_force_that_hardly_turns_is_a_dead_one() -> None:
     follower = references.follower_cantilever(SLIM, 1, [0, -1e-4])
     np.testing.assert_allclose(follower[1:], [-1e-4 / 3, -1e-4 / 2], rtol=1e-6)
 

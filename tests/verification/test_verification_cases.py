@@ -1,4 +1,4 @@
-"""Every case under ``cases/`` against what it expects and against stored outputs; a new case is covered unasked."""
+"""Every case in ``cases/`` compared with its expected values and stored outputs; new cases are included."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ import stored_outputs
 from ancf2d.case import json_schema
 from ancf2d.case.compose import compose
 from ancf2d.case.nodes import Origin, plain_data
-from ancf2d.solvers.post import unbalanced_forces
 from ancf2d.solvers.state import State
+from ancf2d.solvers.state_results import unbalanced_forces
 from ancf2d.study.record import Progress
 from ancf2d.study.run import load, run_case, vocabulary
 from scripts import make_docs, verification_manual
@@ -79,7 +79,7 @@ def test_expected_values_are_met(case: Path) -> None:
 
 
 @SOLVED
-def test_the_tolerance_of_a_case_is_one_that_it_keeps(case: Path) -> None:
+def test_a_case_meets_its_tolerance(case: Path) -> None:
     assert not [w for w in solved(case)["warnings"] if "tolerance is missed" in w]
 
 
@@ -105,7 +105,7 @@ def test_its_section_of_the_verification_manual_is_current(case: Path) -> None:
 
 
 def test_the_rest_of_the_verification_manual_is_current() -> None:
-    """What stands before the first section, with the numbers of cases and references, and the order of the sections."""
+    """The text before the first section, with the numbers of cases and references, and the order of the sections."""
     def counted(case: Path) -> dict[str, Any]:
         return {"checks": [dict.fromkeys(("what", "source"), "") | {"expected": 1.0, "value": 1.0, "difference": 0.0,
                                                                    "allowed": 1.0, "met": True}
@@ -118,7 +118,7 @@ def test_the_rest_of_the_verification_manual_is_current() -> None:
 
 @pytest.fixture(scope="module")
 def validator() -> Any:
-    """What tells whether a document follows the schema of cases."""
+    """Return the validator of the schema of cases."""
     schema = json_schema(vocabulary())
     kind = jsonschema.validators.validator_for(schema)
     kind.check_schema(schema)
@@ -131,7 +131,7 @@ def test_case_follows_the_json_schema(case: Path, validator: Any) -> None:
 
 
 @EVERY
-def test_case_says_what_it_is_and_where_its_values_come_from(case: Path) -> None:
+def test_case_has_a_description_and_sources(case: Path) -> None:
     loaded = load(case)
     assert loaded.case.title
     assert loaded.case.goal
@@ -153,7 +153,7 @@ def test_a_deviation_is_reported_worst_first() -> None:
     assert stored_outputs.differences(dict(new, dofs=7), old)[0].startswith("dofs")
 
 
-def test_forces_below_those_without_balance_are_round_off() -> None:
+def test_forces_below_the_residual_are_round_off() -> None:
     old = {"reactions": {"wall": {"fx": 1e-12, "m": 0.0}}, "energy": {"strain": 1e-28}}
     new = {"reactions": {"wall": {"fx": -1e-12, "m": 1e-13}}, "energy": {"strain": 2e-28}}
     assert len(stored_outputs.differences(new, old)) == 3

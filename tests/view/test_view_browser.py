@@ -1,4 +1,4 @@
-"""The page in a real browser: keys, play, slider, narrow screens, dark mode, no errors, and what its pictures show."""
+"""The page in a real browser: keys, play, slider, narrow screens, dark mode, no errors, and its pictures."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-
 
 @pytest.fixture(scope="module")
 def driver() -> Iterator[Any]:
-    """Yield a browser without a window, with a profile of its own."""
+    """Yield a headless browser with its own profile."""
     binary, service = shutil.which("chromium"), shutil.which("chromedriver")
     if not binary or not service:
         pytest.skip("chromium or chromedriver is not installed (Debian: apt install chromium chromium-driver)")
@@ -66,7 +66,7 @@ Show = Callable[..., Any]
 
 @pytest.fixture
 def show(driver: Any, pages: dict[str, Path]) -> Iterator[Show]:
-    """Yield a function that opens a page at a size and in a colour scheme; nothing may be written to the console."""
+    """Yield a function that opens a page at a size and in a colour scheme; the console must stay empty."""
     def opened(name: str, width: int = 1200, height: int = 800, dark: bool = False) -> Any:
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}
         driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
@@ -89,7 +89,7 @@ def text(driver: Any, name: str) -> str:
 
 
 @pytest.mark.parametrize("focus", ["", "scene", "play", "time", "curve", "magnify", "speed", "nodes", "theme", "fit"])
-def test_keys_do_the_same_wherever_the_focus_is(show: Show, focus: str) -> None:
+def test_keys_work_with_any_focus(show: Show, focus: str) -> None:
     from selenium.webdriver import ActionChains, Keys
 
     driver = show("motion")
@@ -120,7 +120,7 @@ def test_keys_do_the_same_wherever_the_focus_is(show: Show, focus: str) -> None:
     assert (driver.execute_script(settings), driver.execute_script(ticks)) == before
 
 
-def test_what_has_the_focus_is_worked_with_enter_up_and_down(show: Show) -> None:
+def test_the_focused_control_reacts_to_enter_up_and_down(show: Show) -> None:
     from selenium.webdriver import ActionChains, Keys
 
     driver = show("motion")
@@ -131,7 +131,7 @@ def test_what_has_the_focus_is_worked_with_enter_up_and_down(show: Show) -> None
         assert driver.execute_script(f"return {asked}"), name
 
 
-def test_modes_are_walked_through_by_keys_and_keep_swinging(show: Show) -> None:
+def test_keys_step_through_modes_without_stopping_them(show: Show) -> None:
     from selenium.webdriver import ActionChains, Keys
     from selenium.webdriver.support.wait import WebDriverWait
 
@@ -143,7 +143,7 @@ def test_modes_are_walked_through_by_keys_and_keep_swinging(show: Show) -> None:
     WebDriverWait(driver, 20).until(lambda d: d.execute_script("return state.phase") > 0.3)
 
 
-def test_play_goes_on_and_begins_anew(show: Show) -> None:
+def test_play_continues_and_restarts(show: Show) -> None:
     from selenium.webdriver.support.wait import WebDriverWait
 
     driver = show("motion")
@@ -245,7 +245,7 @@ def luminance(color: str) -> float:
 
 
 @pytest.mark.parametrize("dark", [False, True])
-def test_texts_can_be_read_in_both_colour_schemes(show: Show, dark: bool) -> None:
+def test_texts_are_readable_in_both_colour_schemes(show: Show, dark: bool) -> None:
     driver = show("static", dark=dark)
     for turned in (False, True):
         colors = driver.execute_script("return ['body', '#about', '#value', '#play'].map((q) => { "
@@ -264,30 +264,30 @@ def test_texts_can_be_read_in_both_colour_schemes(show: Show, dark: bool) -> Non
 
 
 def picture(driver: Any, name: str) -> np.ndarray:
-    """Return what a canvas shows on its page (h, w, 3)."""
+    """Return the pixels of a canvas (h, w, 3)."""
     with Image.open(io.BytesIO(driver.find_element("id", name).screenshot_as_png)) as image:
         return np.asarray(image.convert("RGB")).astype(int)
 
 
 def alone(driver: Any) -> None:
-    """Show nothing but the bodies."""
+    """Show only the bodies."""
     driver.execute_script("for (const n of ['reference', 'nodes', 'symbols', 'trace']) el(n).checked = false; "
                           "state.field = -1; draw()")
 
 
 def mapped(driver: Any, points: str, *arguments: Any) -> list[tuple[float, float]]:
-    """Return where points of the plane, an expression of the page, are on the canvas."""
+    """Return the canvas positions of points of the plane, an expression of the page."""
     found = driver.execute_script("const m = mapping(stage.clientWidth, stage.clientHeight); "
                                   f"return ({points}).map((p) => [m.X(p[0]), m.Y(p[1])])", *arguments)
     return [(x, y) for x, y in found]
 
 
 def agreement(a: np.ndarray, b: np.ndarray) -> float:
-    """Return the share of two masks' points that both have."""
+    """Return the share of common points of two masks."""
     return float((a & b).sum() / (a | b).sum())
 
 
-def test_bodies_are_where_the_states_are(show: Show, pages: dict[str, Path]) -> None:
+def test_bodies_are_drawn_at_their_states(show: Show, pages: dict[str, Path]) -> None:
     """The blue points of the picture are the section of the bent beam, in one piece."""
     driver = show("static")
     alone(driver)
@@ -330,7 +330,7 @@ def test_a_trace_leads_from_the_start_to_the_state_shown(show: Show, pages: dict
 
 
 def test_colours_are_the_stress(show: Show) -> None:
-    """A beam pressed down at its tip is red (in tension) above and blue below where it is clamped."""
+    """A beam with its tip pressed down is red (in tension) above and blue below at its clamp."""
     driver = show("static")
     alone(driver)
     driver.execute_script("state.field = 0; draw()")
@@ -342,7 +342,7 @@ def test_colours_are_the_stress(show: Show) -> None:
     assert float(text(driver, "high")) == -float(text(driver, "low")) > 0
 
 
-def test_supports_and_loads_are_drawn_where_they_are(show: Show, pages: dict[str, Path]) -> None:
+def test_supports_and_loads_are_drawn_in_position(show: Show, pages: dict[str, Path]) -> None:
     driver = show("static")
     alone(driver)
     before = picture(driver, "scene")

@@ -1,4 +1,4 @@
-"""The interactive page: its data are the states, it needs nothing from elsewhere, it stays small, a browser runs it."""
+"""The interactive page: its data are the states, it is self-contained and small, and a browser runs it."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ RIDE = {
     "solver": {"type": "dynamic", "t_end": 1, "tolerance": 1e-4, "estimate": False}, "output": {"interval": 0.1}}
 
 
-def test_what_moves_along_a_body_is_drawn_where_it_is(tmp_path: Path) -> None:
-    """In figures and on pages, with displacements magnified, and not at all where it is off the body."""
+def test_moving_loads_are_drawn_in_position(tmp_path: Path) -> None:
+    """In figures and on pages, with magnified displacements, and not at all off the body."""
     (tmp_path / "ride.yaml").write_text(json.dumps(RIDE))
     run_case(load(tmp_path / "ride.yaml"), str(tmp_path / "ride.h5"))
     with open_results(tmp_path / "ride.h5") as results:
@@ -168,7 +168,7 @@ def test_tendons_are_drawn_where_they_run(tmp_path: Path) -> None:
         written, whose = grid["Points"][:], grid["PointData/body"][:]
     np.testing.assert_allclose(written[-len(whose):][whose == -2, :2], np.vstack(last))
 
-def test_symbols_move_and_turn_with_what_they_stand_on(frame: Path) -> None:
+def test_symbols_move_and_turn_with_their_bodies(frame: Path) -> None:
     with open_results(frame) as results:
         data = embedded(make_page(results).html)
         tip = results.reference("beam", np.array([1.0])) + results.displacement("beam", np.array([1.0]), -1)
@@ -205,7 +205,7 @@ def test_fields_are_those_of_the_file(frame: Path) -> None:
         assert field["low"] == -field["high"]
 
 
-def test_the_curve_is_the_goals_and_ways_are_those_of_probes(frame: Path) -> None:
+def test_the_curve_is_that_of_the_goal_and_traces_are_those_of_probes(frame: Path) -> None:
     with open_results(frame) as results:
         data = embedded(make_page(results).html)
         uy = results.probes["tip"]["uy"]
@@ -218,8 +218,8 @@ def test_the_curve_is_the_goals_and_ways_are_those_of_probes(frame: Path) -> Non
 
 
 @pytest.mark.parametrize("taken", ["tip", "beside"])
-def test_the_curve_of_a_reaction_is_its_course(tmp_path: Path, taken: str) -> None:
-    """It starts at zero, ends at the reaction that is printed, and has its own name beside a probe of the same."""
+def test_the_curve_of_a_reaction_is_its_history(tmp_path: Path, taken: str) -> None:
+    """It starts at zero, ends at the printed reaction, and has its own name next to a probe of the same."""
     case = {**FRAME, "boundary_conditions": [{"name": "tip", "type": "clamp", "at": "beam@0"}],
             "goal": {"reaction": "tip", "quantity": "fy"}, "output": {"probes": {taken: "beam@1"}}}
     (tmp_path / "a.yaml").write_text(json.dumps(case))
@@ -235,7 +235,7 @@ def test_the_curve_of_a_reaction_is_its_course(tmp_path: Path, taken: str) -> No
 
 
 @pytest.mark.slow
-def test_many_long_probes_do_not_make_a_page_too_large(tmp_path: Path) -> None:
+def test_many_long_probes_do_not_exceed_the_size_of_a_page(tmp_path: Path) -> None:
     x = np.array([0.0, 2.0])
     e0 = coordinates("tangent", x, 0.0)
     with ResultWriter(tmp_path / "a.h5", {**HEADER, "solver": "dynamic"}, [tangent_body("b", 1, 2.0, 0.1)], e0) as w:
@@ -263,7 +263,7 @@ def test_a_displacement_too_small_to_see_is_magnified_by_a_power_of_ten(tmp_path
     assert np.abs(moves[-1]).max() == pytest.approx(1e-5, rel=1e-3)  # what is stored is not magnified
 
 
-def test_modes_are_animated_with_their_names(tmp_path: Path) -> None:
+def test_modes_are_animated_with_names(tmp_path: Path) -> None:
     run_case(load(CASES / "paper" / "table3_2d2n.yaml", ["solver.modes=3"]), str(tmp_path / "m.h5"))
     with open_results(tmp_path / "m.h5") as results:
         data = embedded(make_page(results).html)
@@ -283,7 +283,7 @@ DAMPED = {
 }
 
 
-def test_damped_modes_are_animated_with_where_they_are_a_quarter_of_a_period_later(tmp_path: Path) -> None:
+def test_damped_modes_are_animated_with_both_phases(tmp_path: Path) -> None:
     (tmp_path / "d.yaml").write_text(json.dumps(DAMPED))
     run_case(load(tmp_path / "d.yaml"), str(tmp_path / "d.h5"))
     with open_results(tmp_path / "d.h5") as results:
@@ -300,7 +300,7 @@ def test_damped_modes_are_animated_with_where_they_are_a_quarter_of_a_period_lat
     assert np.linalg.norm(moves, axis=-1).max() == pytest.approx(0.12 * data["extent"], rel=1e-3)
 
 
-def test_a_linear_answer_grows_from_rest(tmp_path: Path) -> None:
+def test_a_linear_solution_grows_from_rest(tmp_path: Path) -> None:
     run_case(load(CASES / "paper" / "table1_2d2n.yaml"), str(tmp_path / "l.h5"))
     with open_results(tmp_path / "l.h5") as results:
         data = embedded(make_page(results).html)
@@ -321,7 +321,7 @@ def test_a_page_of_one_state_says_so(tmp_path: Path) -> None:
         assert make_page(results).remark.startswith("its only state, ")
 
 
-def test_nothing_is_loaded_from_elsewhere_and_names_are_no_markup(tmp_path: Path) -> None:
+def test_nothing_is_loaded_from_elsewhere_and_names_are_text(tmp_path: Path) -> None:
     header = {"title": "</script><script>alert(1)</script> & more"}
     with open_results(bent_beam(tmp_path / "a.h5", header=header)) as results:
         html = make_page(results).html
@@ -333,7 +333,7 @@ def test_nothing_is_loaded_from_elsewhere_and_names_are_no_markup(tmp_path: Path
 
 
 @pytest.mark.parametrize("title", ["{{DATA}}", "{{SCRIPT}}", "{{TITLE}} {{STYLE}} \\1"])
-def test_a_title_that_looks_like_a_place_of_the_page_is_shown_as_it_is(tmp_path: Path, title: str) -> None:
+def test_a_title_that_looks_like_a_placeholder_is_shown_unchanged(tmp_path: Path, title: str) -> None:
     with open_results(bent_beam(tmp_path / "a.h5", header={"title": title})) as results:
         html = make_page(results).html
     assert f"<title>{title}</title>" in html
@@ -352,7 +352,7 @@ def long_run(path: Path, states: int, ne: int) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("states", "ne"), [(3000, 40), (40, 20_000)])
-def test_a_page_stays_below_five_megabytes_and_says_what_was_left_out(tmp_path: Path, states: int, ne: int) -> None:
+def test_a_page_stays_below_five_megabytes_and_names_omitted_data(tmp_path: Path, states: int, ne: int) -> None:
     with open_results(long_run(tmp_path / "a.h5", states, ne)) as results:
         page = make_page(results)
     assert len(page.html) < 5e6
@@ -364,7 +364,7 @@ def test_a_page_stays_below_five_megabytes_and_says_what_was_left_out(tmp_path: 
     assert page.remark.startswith(f"{shown} of {states} states" if shown < states else f"all {states} states")
 
 
-def test_a_file_without_anything_to_look_at_is_refused(tmp_path: Path) -> None:
+def test_a_file_without_anything_to_show_is_refused(tmp_path: Path) -> None:
     said = pytest.raises(ResultsError, match="holds no states to show")
     with open_results(table_file(tmp_path / "a.h5", {"2d2n": 2})) as results, said:
         make_page(results)

@@ -1,4 +1,4 @@
-"""The page as it is served, and as a browser runs it."""
+"""The page as served, and as run by a browser."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from ancf2d.view import make_page, serve
 BROWSER = next((b for b in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if b), None)
 
 
-def test_the_page_is_served_on_this_machine_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_is_served_only_on_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     servers: list[ThreadingHTTPServer] = []
     monkeypatch.setattr(page_module, "ThreadingHTTPServer",
                         lambda *a: servers.append(ThreadingHTTPServer(*a)) or servers[-1])
@@ -70,7 +70,7 @@ try {
 
 
 def in_browser(html: str, script: str, folder: Path) -> dict[str, Any]:
-    """Run a script at the end of a page in a headless browser; return what it put into ``seen``."""
+    """Run a script at the end of a page in a headless browser; return its ``seen``."""
     page = folder / "page.html"
     page.write_text(html.replace("</body>", PROBE.replace("BODY", script) + "</body>"), encoding="utf-8")
     command = [str(BROWSER), "--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={folder / 'profile'}",

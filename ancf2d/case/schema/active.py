@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import jets
-from ..binder import INVALID, Binder, Issue, Path, dotted
+from ..binder import INVALID, Binder, Issue, Path, dotted, reversed_range
 from ..declare import key, record
 from ..kinds import Number
 from ..nodes import Node
@@ -48,8 +48,8 @@ class Active:
         """Yield an issue if nothing is given, if times are out of order, or if a start or end is given twice."""
         if self.from_ is None and self.to is None and not self.waits:
             yield Issue((), "{}: nothing is given", "from or after, to or until")
-        elif self.from_ is not None and self.to is not None and not self.from_ < self.to:
-            yield Issue(("to",), f"{{}}: from must be less than to, got from {self.from_:g} to {self.to:g}")
+        elif self.from_ is not None and self.to is not None:
+            yield from reversed_range(self.from_, self.to)
         for given, other in (("after", "from"), ("until", "to")):
             if getattr(self, given) is not None and getattr(self, "from_" if other == "from" else other) is not None:
                 yield Issue((given,), f"{{}}: {other} and {given} are both given", f"one of {other} and {given}")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from ...quantities import KINEMATIC, MOTIONS
-from ..binder import Issue
+from ..binder import Issue, reversed_range
 from ..declare import key, record
 from ..kinds import Choice, Flag, Integer, Known, ListOf, Name, Number, ProbeQuantity, Sign
 from ..records import ByKeys, Record
@@ -274,8 +274,8 @@ class FrequencyResponse(Kind):
                         "from and to, or no tolerance")
         elif self.frequencies is None and len(ends) < 2:
             yield Issue((), "{}: the frequencies are missing", "from and to, or frequencies")
-        elif self.from_ is not None and self.to is not None and not self.from_ < self.to:
-            yield Issue(("to",), f"{{}}: from must be less than to, got from {self.from_:g} to {self.to:g}")
+        elif self.from_ is not None and self.to is not None:
+            yield from reversed_range(self.from_, self.to)
 
     @property
     def resolution(self) -> float:

@@ -258,8 +258,8 @@ class Growth(OneByOne):
             change = step * first.value
             problem = self.loading.matrices(at(step), change)
             if problem.small.rates.damps and any(one.meets for one in self.onsets):
-                raise ComputationError("dampers let motions grow at another factor, however little they damp: there is "
-                                       "no derivative where there are none", advice="a small damping instead of 0")
+                raise ComputationError("even vanishing damping changes the factor at which motions grow, so there is "
+                                       "no derivative at zero damping", advice="a small damping instead of 0")
             return parts(np.array([one.y @ problem.action(one.s, one.x) + self.loading.added(problem, change, one)
                                    for one in self.onsets]))
         scale = np.repeat([1.0 / (abs(one.by[1]) * abs(one.factor)) for one in self.onsets], 2)

@@ -1,7 +1,7 @@
 """Derivatives of a few goals of a motion by any number of parameters, by following the motion backwards.
 
 For each number, the change of the residuals is multiplied by the virtual displacements of
-``solvers.derivatives.backwards``. This needs two models, and only the parts of them that the number changes.
+``solvers.derivatives.transposed_steps``. This needs two models, and only the parts of them that the number changes.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from ..motion.dynamic import Run
 from ..motion.initial import asked_rates, initial_rates
 from ..motion.stepping import Stepper
 from ..state import State
-from .backwards import PARTS, RecordedMotion, StepLengthError
 from .differences import Quotient, UnsuitedError
 from .linear_steps import Change
 from .motion_states import NEWTON
 from .readings import Goals, Readings
+from .transposed_steps import PARTS, RecordedMotion, StepLengthError
 from .varied_motions import ModelAt, Together, VariedNumber, rests
 
 # step relative to that of fourth-order differences, and the largest second difference relative to the first (the error

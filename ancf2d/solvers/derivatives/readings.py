@@ -15,8 +15,8 @@ from ...kernels.motion.dynamics import signals_at
 from ...kernels.motion.state import fill_full
 from ...model.model import Model
 from ..linear import unknowns_to_coordinates
-from ..post import Observer
 from ..state import Row, State
+from ..state_results import Observer
 from .differences import Quotient, UnsuitedError, error_of
 from .linear_steps import Change
 from .varied_motions import VariedNumber
@@ -91,7 +91,7 @@ class Readings:
                 slopes[asked] = observer.slopes(probe, quantity, self.states[state])
             coords, by_d, by_v = slopes[asked]
             if by_v.any() and not self.free.all():
-                raise UnsuitedError("rates of states are put onto the constraints")
+                raise UnsuitedError("rates of states are projected onto the constraints")
             parts.append([np.full(len(coords), goal), state * n_q + coords, weight * by_d, weight * by_v])
         n, k = self.model.n_q * len(self.states), len(self.values)
         T = kron(identity(len(self.states)), unknowns_to_coordinates(self.model), "csr")

@@ -18,11 +18,11 @@ from ...case import LimitPoints, LoadFactor, Static
 from ...elements.shape import Array
 from ...model.model import Model
 from ..contact import memory, restore_memory
-from ..post import Observer
-from ..refine import refined
+from ..iterative_refinement import refined
 from ..small_motions.factors import Factors
 from ..small_motions.linearised import to_sparse
 from ..state import State
+from ..state_results import Observer
 from ..statics.continuation import Curve
 from ..statics.path_events import goal_of
 from ..system import System

@@ -16,11 +16,11 @@ from ...model.model import Model
 from ..motion.breaks import pass_break
 from ..motion.dynamic import Run
 from ..motion.integrators import INTEGRATORS, default_method
-from ..motion.methods import MAKERS
+from ..motion.own_integrators import MAKERS
 from ..motion.stepping import Stepper
 from .differences import FORWARD, LOWER, Quotient, UnsuitedError
-from .differing import Differing
 from .linear_steps import Change
+from .varied_equations import Differing
 
 CENTRAL, NEAR = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0, np.array([0.0, -0.5, 0.0, 0.5, 0.0])
 # models of a number for differences about it, or to one side of it; the same with two models and that of the case
@@ -51,7 +51,7 @@ def why_unsuited(model: Model) -> str:
         return "the times at which one-sided springs and tendons act depend on the case"
     held = (item.active for item in (*model.case.boundary_conditions, *model.case.joints))
     if any(active is not None and active.times[0] > 0.0 for active in held):
-        return "a support or joint begins where the motion has come to"
+        return "a support or joint begins at the current position of the motion"
     if model.case.initial is not None and model.case.initial.from_ not in ("rest", "static"):
         return "the motion continues from a file"
     return ""

@@ -125,7 +125,7 @@ def _driven_near(motion: Any) -> list[tuple[Any, int]]:
 
 
 def _blocked(motion: Any, at: dict[str, Any], near: list[tuple[Any, int]]) -> ComputationError:
-    """Return the error for supports or joints that press a body into what it touches."""
+    """Return the error for supports or joints that press a body into its obstacles."""
     model, mem = motion.model, motion.p.points.mem
     into = [(p.pair, p.number)
             for p, rows in zip(model.interactions.points, model.interactions.rows, strict=True)

@@ -279,8 +279,8 @@ def layers_warnings(model: Model, d: Array) -> list[str]:
         if not pair.hard:
             energy, gap = one.nodal_forces(d, np.zeros_like(d), 0.0, False)[2], one.gaps(d, 0.0)[0]
         if pair.item.friction > 0.0 and energy.any() and layer_name(k, pair) not in kept:
-            out.append(f"{pair.name}: friction starts from zero, because '{initial.from_}' does not contain the places "
-                       f"to which it holds points. {better}")
+            out.append(f"{pair.name}: friction starts from zero, because '{initial.from_}' does not contain the points "
+                       f"at which it sticks. {better}")
         if pair.on_bodies and at_rest and not settled and (gap < 0.0).any():
             whole = 0.5 * pair.par[:, WEIGHT] * pair.par[:, STIFFNESS] * np.minimum(gap, 0.0)**2
             if (energy < (1.0 - WHOLE) * whole).any():

@@ -1,6 +1,6 @@
 """The time integrators by name: properties and restrictions.
 
-A new one is an entry here, and one in ``methods`` if it is not SciPy's.
+A new one is an entry here, and one in ``own_integrators`` if it is not SciPy's.
 """
 
 from __future__ import annotations

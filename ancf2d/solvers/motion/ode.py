@@ -72,7 +72,7 @@ class OdeStepper(Stepper):
         self.log: list[list[float]] = []
 
     def start(self, d: Array, v: Array, turned: Array) -> None:
-        """Start at full coordinates d with rates v, projected onto what supports and joints allow."""
+        """Start at full coordinates d with rates v, projected onto the motions that supports and joints allow."""
         self._begin_from(d, v, turned)
 
     def _restart(self) -> None:

@@ -42,13 +42,13 @@ from ...kernels.sliding import sliding_check
 from ...kernels.tangents import fill_products
 from ...model.feedback import POSITION
 from ...model.groups import with_own_arrays, with_prescribed, with_states
-from ...model.interactions import point_table, turning_table
 from ...model.model import Model
+from ...model.point_tables import point_table, turning_table
 from ...model.timing import Signal
 from ..energy import is_constant
 from ..linear import full_mass, unknowns_to_coordinates
 from .integrators import INTEGRATORS, Integrator, default_method
-from .methods import MAKERS, Method
+from .own_integrators import MAKERS, Method
 from .tables import (
     Signals,
     assembled_laws,

@@ -41,7 +41,7 @@ from .feedback import MotionFeedback
 from .impacts import COLUMNS, Impacts
 from .initial import continues_from_file
 from .integrators import INTEGRATORS, default_method
-from .methods import MAKERS, Method, newton_tolerance
+from .own_integrators import MAKERS, Method, newton_tolerance
 from .problem import driving_signals, tracks_work, with_own_tables
 
 # approximate duration of a call of the kernels [s], for progress bars and interrupts
@@ -131,7 +131,7 @@ class Stepper:
         return self.t >= self.spec.t_end and self.failed is None
 
     def start(self, d: Array, v: Array, turned: Array) -> None:
-        """Start at full coordinates d with rates v, projected onto what supports and joints allow.
+        """Start at full coordinates d with rates v, projected onto the motions that supports and joints allow.
 
         ``turned`` (bodies,) is that of ``model.rotation.Turns``.
         """

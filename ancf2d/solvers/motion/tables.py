@@ -11,10 +11,10 @@ import numpy as np
 from ...case.programs import programs
 from ...elements.shape import Array
 from ...kernels.matrices.layout import entries, no_fronts
-from ...model.interactions import point_table, with_assembly
 from ...model.mesh import Index
 from ...model.model import Model
 from ...model.numbering import Numbering
+from ...model.point_tables import point_table, with_assembly
 from ..energy import is_constant
 
 if TYPE_CHECKING:

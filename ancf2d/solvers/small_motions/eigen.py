@@ -16,12 +16,12 @@ from ...elements.shape import Array
 from ...model.model import Model
 from ..state import State
 from .classify import Classifier, Verdict
+from .inputs_and_outputs import warnings_of
 from .linearised import Linearised, small_motions
 from .lowest_modes import Modes, characteristic, first_shift, lowest
 from .projected import Complex, Quadratic
 from .quadratic import AT_REST, Pairs, lowest_pairs, shift_of
 from .relaxing import relaxing_pairs
-from .without_effect import warnings_of
 
 # relative uncertainty of an eigenvalue that causes a warning
 POOR = 1e-6

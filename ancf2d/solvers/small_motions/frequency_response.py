@@ -18,10 +18,9 @@ from ...model.model import Model
 from ...results.responses import interpolated
 from ..state import State
 from .factors import Factors
-from .inputs_and_outputs import Input, Inputs, Output, outputs
+from .inputs_and_outputs import Input, Inputs, Output, outputs, warnings_of
 from .linearised import small_motions
 from .projected import Complex, Quadratic, Space, projected_values, within_constraints
-from .without_effect import warnings_of
 
 # minimum numbers of unknowns and frequencies for computing responses in a space of few vectors
 LARGE, MANY = 400, 40

@@ -1,8 +1,8 @@
-"""Inputs and outputs of small motions, and N, Q and M linearised; warnings about what has no effect on them."""
+"""Inputs and outputs of small motions, N, Q and M linearised, and warnings about parts of a case without effect."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -14,18 +14,19 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...interactions.forces import LoadSet
 from ...kernels.elements import natural_slope
-from ...model.interactions import Interactions
 from ...model.mesh import Index
 from ...model.point_patch import PointConstraint
+from ...model.point_tables import Batch, Interactions
 from ...model.points import PointRef
 from ...model.rotation import Rotation
 from ...model.timing import InputMotion
 from ...quantities import FORCES
 from ..element_loads import influencing_coordinates
 from ..linear import full_mass
-from ..post import asks_for_forces, velocity_of
 from ..section_forces import SectionForces, has_section_forces
 from ..state import State
+from ..state_results import asks_for_forces, velocity_of
+from ..statics.newton import balanced
 from .linearised import Linearised, Relaxing
 
 if TYPE_CHECKING:
@@ -314,3 +315,37 @@ def _of_probe(small: Linearised, name: str, point: PointRef) -> list[Output]:
     rates = {"vx": "x", "vy": "y", "omega": "theta"}
     return [Output(name, q, coords, np.eye(3)[order][:, None] * along[of])
             for order, group in enumerate((names, rates)) for q, of in group.items()]
+
+
+def warnings_of(small: Linearised, damped: bool = True, inputs: Sequence[Input] = ()) -> list[str]:
+    """Return warnings about inputs and dampers without effect, and about unbalanced forces in the reference.
+
+    Dampers are checked only if ``damped``.
+    """
+    model, base = small.model, small.base
+    out = [f"{what}: its damping force is of higher order in the rates, so it has no effect on small motions"
+           for what in _of_higher_order(small)] if damped else []
+    out += [f"the input {one.name} exerts no force and moves nothing in this state, so nothing responds to it"
+            for one in inputs if not one.f.any() and not one.p.any()]
+    pencil = small.pencil
+    if not base.loaded and not balanced(pencil.system, pencil.balance, pencil.d, base.state.t):
+        layers = any(contact.law is not None for contact in model.case.contacts)
+        acts = [*["springs are loaded"] * bool(model.case.springs), *["contact layers press"] * layers,
+                *["material flows"] * bool(model.loads.flows)]
+        out.append(f"the reference is not an equilibrium, because {' or '.join(acts)} there. Use about: static")
+    return out
+
+
+def _of_higher_order(small: Linearised) -> Iterator[str]:
+    """Yield the springs and loads whose damping has no first-order term in the rates."""
+    model, state = small.model, small.base.state
+    loads = [(f"loads.{k}", item) for k, item in enumerate(model.case.loads)
+             if getattr(item, "damped", False) and item.name not in model.inputs]
+    drags = [patch for patch in model.loads.patches if getattr(patch, "damped", False)]
+    parts: list[tuple[str, Any]] = [*((patch.path, patch) for patch in model.springs if patch.path and patch.damped),
+                                    *((what, patch) for (what, _), patch in zip(loads, drags, strict=False))]
+    for what, patch in parts:
+        batch = Batch([patch])
+        *_, C = batch.matrices(state.d, state.t)
+        if not C.any():
+            yield what

@@ -16,7 +16,7 @@ from ...model.rotation import CoordinateKinds
 from ..ldl import Pivots
 from ..linear import assemble_mass, make_matrix
 from ..system import UNIT_ROUNDOFF, System
-from .graded import graded_ritz
+from .rayleigh_ritz import graded_ritz
 
 
 class Pencil:

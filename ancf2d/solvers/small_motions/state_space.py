@@ -12,17 +12,16 @@ from ...case import StateSpace
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
-from ..refine import refined
+from ..iterative_refinement import refined
 from ..state import State
 from .eigen import mode_warnings, pair_warnings, pairs_of
 from .factors import Factors
-from .inputs_and_outputs import Input, Inputs
+from .inputs_and_outputs import Input, Inputs, warnings_of
 from .inputs_and_outputs import outputs as probe_outputs
 from .linearised import Linearised, small_motions
 from .lowest_modes import find_shift, lowest, map_rows
 from .projected import Complex, Quadratic
 from .relaxing import Projected
-from .without_effect import warnings_of
 
 # largest number of iterations of a solve with a shifted stiffness, and the relative correction that ends them
 ROUNDS, SETTLED = 200, 1e-13

@@ -25,7 +25,7 @@ from ..active_set import PENETRATION, ROUNDS, initialise_active_set, not_found, 
 from ..contact import memory, restore_memory
 from ..lift_off import PlaceHistory, fix_places, release_places
 from ..linear import GeneralSparse
-from ..post import position_of
+from ..state_results import position_of
 from ..system import UNIT_ROUNDOFF, Balance, System
 from .newton import at_floor, balanced, check_divergence, check_sound, has_converged
 

@@ -7,7 +7,7 @@ import numpy as np
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
-from ..refine import refined
+from ..iterative_refinement import refined
 from ..state import State
 from ..system import System
 from .newton import POOR

@@ -26,9 +26,9 @@ from ..active_set import (
 from ..contact import check_crossed, check_pressed_through, memory, restore_memory
 from ..friction import stick_least_slipping
 from ..lift_off import PlaceHistory
+from ..long_vectors import chunks, largest
 from ..state import Graded, State
 from ..system import STILL, UNIT_ROUNDOFF, Balance, System, sticks
-from ..threads import chunks, largest
 
 TOLERANCE = 1e-9
 MAX_ITERATIONS = 30

@@ -12,8 +12,8 @@ from ...case import LimitPoints, LoadFactor, ProbeReaches
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
-from ..post import Observer
 from ..state import State
+from ..state_results import Observer
 from .continuation import Control, Curve, FactorControl, PathPoint, ProbeControl, ProbeValue
 
 # displacements of a limit point are located to this share of the largest

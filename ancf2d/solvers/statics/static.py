@@ -16,9 +16,9 @@ from ...model.determinacy import free_motions
 from ...model.model import Model
 from ...model.timing import PathTiming
 from ..contact import memory, restore_memory
+from ..long_vectors import largest
 from ..state import State
 from ..system import System, Turned
-from ..threads import largest
 from .hanging import FALLS, FELL, hanging, slack, tethered
 from .newton import (
     MAX_ITERATIONS,

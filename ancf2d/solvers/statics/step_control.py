@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ...elements.shape import Array
 from ...errors import ComputationError
-from ..threads import chunks
+from ..long_vectors import chunks
 
 if TYPE_CHECKING:
     from ...model.model import Model
@@ -114,7 +114,7 @@ class StepSizes:
 FURTHER = 8.0
 FAINT = 1e-6
 # advice for a jump
-ADVICE = ("method: arc_length if this is a limit point; solver dynamic with damping, which follows what snaps; else "
+ADVICE = ("method: arc_length if this is a limit point; solver dynamic with damping, which follows the snap; else "
           "more steps, or supports that leave no mechanism")
 
 

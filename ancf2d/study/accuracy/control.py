@@ -19,8 +19,8 @@ from ..run import Outcome, describe_goal, prepare, vocabulary
 from ..variants import Variant, flexible
 from ..windows import window_of
 from .direct import Direct
+from .estimates import relative_distance
 from .fibres import begin_fibres, in_fibres
-from .judging import relative_distance
 from .mesh import Ladder
 from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit
 from .setting import Level, with_setting
@@ -288,10 +288,11 @@ def choose_types(pursuit: Pursuit, bodies: list[str], allowed: float, tolerance:
             if goal_change - error <= share:
                 types, error = tried, max(error, goal_change)
                 left = allowed - error
-                why[name] = f"with {kind.element} the goal moves by {goal_change:.1e}; {share:.1e} may go to the model"
+                why[name] = (f"with {kind.element} the goal changes by {goal_change:.1e}; {share:.1e} is allowed for "
+                             "the model")
                 break
-            why[name] = (f"with {kind.element} the goal would move by {goal_change:.1e}, more than the {share:.1e} "
-                         "that may go to the model")
+            why[name] = (f"with {kind.element} the goal would change by {goal_change:.1e}, more than the {share:.1e} "
+                         "that is allowed for the model")
     return Choice(types, why, error)
 
 
@@ -307,7 +308,7 @@ class _Meshes:
         return self.pursuit.solve(Ladder(self.pursuit, types, self.tolerance).setting(size), why)
 
     def goal_change(self, types: dict[str, Variant], best: dict[str, Variant], enough: float, why: str) -> float | None:
-        """Return how far the goal moves with simpler types, relative; None if the types are not possible.
+        """Return how far the goal changes with simpler types, relative; None if the types are not possible.
 
         A distance of more than ``enough`` may be due to the mesh instead of the model: meshes are doubled as long as
         this reduces the distance at least by half.

@@ -22,7 +22,7 @@ from ...model.curve import stretches
 from ..order import Estimate
 from ..run import Solve
 from ..variants import Variant, described
-from .judging import relative_distance
+from .estimates import relative_distance
 from .mesh import influence_by_body
 from .neighbours import Neighbour, Verdict, solve_neighbour, verdict_of, verdict_of_two
 from .pursuit import MOST_ELEMENTS, MOST_WORK, EstimateOf, Pursuit
@@ -138,7 +138,7 @@ class Direct:
         fewer = {name: 2 * (len(given) - 1) for name, given in nodes.items()}
         if sum(fewer.values()) > 0.25 * LEAP * self.middle[0].setting.elements:
             return None
-        return Setting(fewer, self.types, None, nodes), "elements as the error of each asks for"
+        return Setting(fewer, self.types, None, nodes), "elements refined by their errors"
 
     def applies(self) -> bool:
         """Return whether meshes can be judged by neighbours: values are numbers, and no kink moves through elements."""
@@ -199,7 +199,7 @@ class Direct:
         if len(level.setting.counts) > 1:
             self._find_weights()
         if self.middle[0] is not level:
-            return Estimate(None, None, None, False, "finer meshes have other values"), math.inf
+            return Estimate(None, None, None, False, "finer meshes give other values"), math.inf
         return verdict.estimate, verdict.error
 
     def _neighbour(self, finer: bool) -> Level:
@@ -253,7 +253,7 @@ class Direct:
             nodes = self._graded(found, excess, p)
             fewer = {name: 2 * (len(given) - 1) for name, given in nodes.items()}
             if sum(fewer.values()) < PAYS * even.elements:
-                return Setting(fewer, self.types, None, nodes), "elements as the error of each asks for"
+                return Setting(fewer, self.types, None, nodes), "elements refined by their errors"
         return even, "predicted from the observed order"
 
     def _graded(self, found: Weighted, excess: float, p: float) -> dict[str, tuple[float, ...]]:

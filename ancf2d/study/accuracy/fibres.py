@@ -8,7 +8,7 @@ from typing import Any
 from ...elements.fibres import FIBRES
 from ..order import Estimate
 from ..variants import Variant
-from .judging import relative_distance
+from .estimates import relative_distance
 from .pursuit import MOST_WORK, Pursuit
 from .setting import Level, bodies_with_meshes, gives_fibres
 from .steps import MOVED, fine_enough

@@ -8,7 +8,7 @@ from dataclasses import replace
 from ..goal import sequence
 from ..order import Estimate
 from ..variants import Variant
-from .judging import best, choose, judge, relative_distance, usable_levels
+from .estimates import best, choose, judge, relative_distance, usable_levels
 from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit
 from .setting import Level, Setting, meshed, with_setting
 
@@ -31,12 +31,11 @@ NOISE = 0.25
 class Ladder:
     """Meshes of a case in fixed proportions: ``shares`` of each body, times a size."""
 
-    def __init__(self, pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None,
-                 shares: dict[str, float] | None = None) -> None:
+    def __init__(self, pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None) -> None:
         self.pursuit, self.types, self.tolerance = pursuit, types, tolerance
         self.method: str | None = None
         self.meshes = meshed(pursuit.loaded.case, types)
-        self.shares = shares or {name: float(mesh.least) for name, mesh in self.meshes.items()}
+        self.shares = {name: float(mesh.least) for name, mesh in self.meshes.items()}
         self.levels: list[Level] = []
 
     def setting(self, size: float) -> Setting:

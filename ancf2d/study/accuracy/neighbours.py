@@ -112,7 +112,7 @@ def _solved(model: Model, solved: Solved) -> list[Any]:
 def _summary(loaded: LoadedCase, model: Model, state: Any) -> dict[str, Any]:
     goal = loaded.case.goal
     assert goal is not None
-    from ..measures import last_summary
+    from ..expressions import last_summary
 
     return last_summary(model, [state], goal.reaction is not None, goal_kind(goal) in ("force", "moment"),
                         probes=[goal.probe] if goal.probe else [],

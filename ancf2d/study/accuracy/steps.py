@@ -14,7 +14,7 @@ from typing import Any
 from ..order import Estimate
 from ..variants import Variant
 from ..windows import window_of
-from .judging import judge, relative_distance
+from .estimates import judge, relative_distance
 from .mesh import influence_by_body
 from .neighbours import Verdict, verdict_of_two
 from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_WORK, Pursuit
@@ -167,7 +167,7 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
         if fine.answer is None:
             pursuit.report.pop("steps_error", None)
             return pursuit.accuracy(shorter.rough, shorter.found, error) | {
-                "achieved": False, "note": f"the steps are not judged, as those with {fine.setting.named_steps} fail"}
+                "achieved": False, "note": f"the error of the steps is unknown: {fine.setting.named_steps} fail"}
         accuracy = pursuit.accuracy(fine, *shorter.estimate_of(fine))
         if error <= pursuit.wanted and relative_distance(fine, known) > MOVED * pursuit.wanted:
             finer, error = fine_enough(pursuit, fine, error)

@@ -23,9 +23,9 @@ from ...model.mesh import Index
 from ...model.model import Model
 from ...model.transfer import transferred
 from ...quantities import KINEMATIC
-from ...solvers.post import Observer
+from ...solvers.state_results import Observer
+from ..expressions import GoalValues
 from ..goal import Solved, goal_kind
-from ..measures import GoalValues
 from .neighbours import Neighbour
 
 # difference step relative to the model's size; most unknowns whose gradient is found one by one; relative error along

@@ -62,7 +62,7 @@ def cost(s: Subject) -> Finding:
 CHECKS = (
     Check("solvability", "Do the nodal coordinates determine the basis? Condition number of the interpolation matrix",
           kinematics.solvability),
-    Check("completeness", "Does the basis hold every linear field?", kinematics.completeness),
+    Check("completeness", "Does the basis contain every linear field?", kinematics.completeness),
     Check("rigid_motion", "Do translations and finite rotations cause forces?", patches.rigid_motion),
     Check("objectivity", "Does a superposed finite rotation change the energy of a deformed state?",
           patches.objectivity),
@@ -80,7 +80,7 @@ CHECKS = (
     Check("slope_continuity", "Is r_x continuous between elements?", kinematics.slope_continuity),
     Check("spurious_branch", "Do modes of the mesh fall among those of the beam as the mesh is refined?",
           meshes.spurious_branch, 21),
-    Check("damping", "Do modes decay as Rayleigh and Kelvin-Voigt damping say, and does rigid motion go on?",
+    Check("damping", "Do modes decay as Rayleigh and Kelvin-Voigt damping say, and is rigid motion undamped?",
           meshes.damping),
     Check("shear_factor", "What is the effective shear factor in uniform shear?", locking.shear_factor),
     Check("shear_in_bending", "What is the effective shear factor in bending?", locking.shear_in_bending, 5),
@@ -95,11 +95,12 @@ CHECKS = (
 )
 # further checks, made on request, of the material laws that the element supports
 LAW_CHECKS = (
-    Check("law_tangent", "Is the tangent of each law the derivative of the forces, along a way and back?",
+    Check("law_tangent", "Is the tangent of each law the derivative of the forces, along a load path and back?",
           laws.law_tangent),
-    Check("law_objectivity", "Do forces of each law turn with a body that turns along its way?", laws.law_objectivity),
-    Check("law_dissipation", "Does any step of a way make energy?", laws.law_dissipation),
-    Check("law_cycles", "Does a cycle lose the same energy again and again?", laws.law_cycles, 5),
+    Check("law_objectivity", "Do the forces of each law rotate with a body that rotates along its load path?",
+          laws.law_objectivity),
+    Check("law_dissipation", "Does any step of a load path create energy?", laws.law_dissipation),
+    Check("law_cycles", "Do repeated cycles dissipate the same energy?", laws.law_cycles, 5),
 )
 # checks that are possible if the coordinates do not determine the basis
 WITHOUT_SHAPES = ("solvability",)

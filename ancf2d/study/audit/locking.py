@@ -135,7 +135,7 @@ def _cause(s: Subject, model: Model, d: Array, large: float) -> str:
 
 @dataclass(frozen=True)
 class ComplianceLoss:
-    """Bending compliance lost to nu: the largest loss and its nu, the loss at 0.3, and what remains on fine meshes."""
+    """Bending compliance lost to nu: the largest loss and its nu, the loss at 0.3, and the rest on fine meshes."""
 
     most: float
     at: float

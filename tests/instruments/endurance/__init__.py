@@ -1,1 +1,1 @@
-"""Runs that are many, at once, repeated, stopped at any moment, or left without room on the disk."""
+"""Many runs: at once, repeated, stopped at any moment, or without room on the disk."""

@@ -1,4 +1,4 @@
-"""Very many events in one motion: how far it ends from its closed form, and what the events leave in memory."""
+"""Very many events in one motion: the error at its end compared with a closed form, and memory that remains."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 import ancf2d
 from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.dynamic import solve_dynamic
-from ancf2d.solvers.post import Observer
+from ancf2d.solvers.state_results import Observer
 from ancf2d.study.run import prepare
 from scripts.pages import small, table
 
@@ -22,7 +22,7 @@ Data = dict[str, Any]
 
 @dataclass
 class Ended:
-    """A motion with so many events: its errors, and bytes that each event in two fifths of it left behind."""
+    """A motion with many events: its errors, and the bytes that remained per event over two fifths of it."""
 
     events: int
     # errors of the end; NaN where the scheme has another period
@@ -33,7 +33,7 @@ class Ended:
 
 
 def followed(case: Data, t_end: float, events: int, wanted: tuple[float, float], quantities: tuple[str, str]) -> Ended:
-    """Solve a motion of a rigid body ``bar`` to ``t_end``, and compare quantities of its end with those ``wanted``."""
+    """Solve a motion of a rigid body ``bar`` to ``t_end``, and compare its end with the expected quantities."""
     model = prepare(ancf2d.load({
         "bodies": {"bar": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]}, "element": {"type": "rigid"},
                            "section": {"EA": 1, "kGA": 1, "EI": 1, "rhoA": 1, "rhoI": 0}}},
@@ -60,7 +60,7 @@ def followed(case: Data, t_end: float, events: int, wanted: tuple[float, float],
 
 
 def instants(count: int) -> Ended:
-    """A sampled controller lets an arm follow a sine: between its instants, parabolas."""
+    """A sampled controller makes an arm follow a sine: between its sampling times the motion is a parabola."""
     kp, ki, kd, lag, step, J = 20.0, 30.0, 1.0, 0.01, 1e-3, 1.0 / 3.0
     theta = omega = integral = filtered = 0.0
     for k in range(count):
@@ -79,7 +79,7 @@ def instants(count: int) -> Ended:
 
 
 def bounces(count: int, method: str = "radau5", tolerance: float = 1e-10) -> Ended:
-    """A mass flies to and fro between two springs with a gap, and ends in the middle of a flight."""
+    """A mass bounces between two springs with a gap, and ends in the middle of a flight."""
     gap, speed, k = 0.1, 3.0, 400.0
     half = 2 * gap / speed + math.pi / math.sqrt(k)
     spring = {"type": "translational", "between": [[-1, 0], "bar@0"], "stiffness": k, "gap": gap}
@@ -90,7 +90,7 @@ def bounces(count: int, method: str = "radau5", tolerance: float = 1e-10) -> End
 
 
 def conditions(count: int) -> Ended:
-    """A mass comes to equidistant places, from which on a force pushes it, up to the next one, by turns."""
+    """A mass passes equidistant places; from one to the next a force pushes it, then not, by turns."""
     force, cell, t, v = 2.0, 0.1, 0.0, 3.0
     pushes = [{"type": "force", "at": "bar@0", "value": [force * (-1) ** (k // 2), 0], "active": {
         "after": f"end.ux > {k * cell!r}", "until": f"end.ux > {(k + 1) * cell!r}"}} for k in range(1, count, 2)]
@@ -102,7 +102,7 @@ def conditions(count: int) -> Ended:
 
 
 def kinks(count: int) -> Ended:
-    """A force that goes up and down in straight lines pushes a mass on a spring."""
+    """A piecewise linear force pushes a mass on a spring."""
     T, w, x, v = 0.25, 3.0, 0.0, 0.0
     force = [4.0 * (-1) ** k for k in range(count + 2)]
     for a, b in pairwise(force):
@@ -127,7 +127,7 @@ MOTIONS: dict[str, tuple[int, Callable[[int], Ended]]] = {
 
 
 def report(count: int) -> str:
-    """Return the table of motions with so many events; of those whose events are dear, fewer."""
+    """Return the table of motions with many events; fewer of expensive events."""
     rows = []
     for name, (share, motion) in MOTIONS.items():
         found = motion(count // share)

@@ -1,4 +1,4 @@
-"""The same again: a thousand runs in one process, processes at once, other numbers of threads."""
+"""Repeated runs: a thousand in one process, in parallel processes, with other numbers of threads."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Use:
 
 
 def use() -> Use:
-    """Return what this process holds now, after rubbish is collected."""
+    """Return the memory, files and threads that this process holds, after garbage collection."""
     gc.collect()
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return Use(pages * os.sysconf("SC_PAGE_SIZE"), len(os.listdir("/proc/self/fd")), len(os.listdir("/proc/self/task")))
@@ -38,7 +38,7 @@ def use() -> Use:
 
 @dataclass
 class Growth:
-    """Runs in one process: what was held after a tenth and after all, and how many results differ, by solver."""
+    """Runs in one process: resources after a tenth and after all, and the number of different results, by solver."""
 
     runs: int
     early: Use
@@ -47,12 +47,12 @@ class Growth:
 
     @property
     def per_run(self) -> float:
-        """Bytes that a run left behind."""
+        """Bytes that each run left behind."""
         return (self.late.memory - self.early.memory) / (0.9 * self.runs)
 
 
 def growth(runs: int, solvers: tuple[str, ...] = ("static", "eigen", "dynamic")) -> Growth:
-    """Run cases in turn in this process, reading each result; measure what stays."""
+    """Run cases in turn in this process and read each result; measure the resources that remain."""
     from ancf2d.case import load_case
     from ancf2d.results import describe
     from ancf2d.study.run import run_case, vocabulary
@@ -77,7 +77,7 @@ def growth(runs: int, solvers: tuple[str, ...] = ("static", "eigen", "dynamic"))
 
 
 def growth_report(runs: int) -> str:
-    """Return the table of what runs in one process leave behind."""
+    """Return the table of resources that remain after runs in one process."""
     found = growth(runs)
     rows = [["memory", f"{found.early.memory / 1e6:.1f} MB", f"{found.late.memory / 1e6:.1f} MB"],
             ["open files", found.early.files, found.late.files], ["threads", found.early.threads, found.late.threads]]
@@ -110,7 +110,7 @@ def thread_report(counts: tuple[int, ...] = (8, 400)) -> str:
 
 
 def cold(processes: int, solver: str = "static") -> dict[str, float]:
-    """Run the same case in processes that share an empty cache; return what came of it."""
+    """Run the same case in processes that share an empty cache; return the outcome."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         path = scenes.write(folder, "case", scenes.scenes()[solver])
@@ -125,7 +125,7 @@ def cold(processes: int, solver: str = "static") -> dict[str, float]:
 
 
 def sweeps(processes: int) -> dict[str, int]:
-    """Run the same sweep in processes that share a folder, twice over; return what came of it."""
+    """Run the same sweep in processes that share a folder, twice over; return the outcome."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         path = scenes.write(folder, "case", scenes.case({"type": "static"}))
@@ -146,7 +146,7 @@ def sweeps(processes: int) -> dict[str, int]:
 
 
 def crowds_report(processes: int = 4) -> str:
-    """Return what came of processes at once, in sentences."""
+    """Return the outcome of parallel processes in sentences."""
     c, s = cold(processes), sweeps(processes)
     return (f"{c['succeeded']} of {c['processes']} runs at once with an empty cache of kernels succeeded, in "
             f"{c['seconds']:.0f} s, with {c['results']} different result{'s' * (c['results'] != 1)}.\n\n"

@@ -1,4 +1,4 @@
-"""Small cases of every solver, how they are run in processes of their own, and the bits that they end with."""
+"""Small cases of every solver, runs of them in separate processes, and digests of their results."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LOADS = [{"type": "force", "at": "beam@1", "value": [0, -2000]}]
 
 
 def case(solver: dict[str, Any], count: int = 8, **more: Any) -> dict[str, Any]:
-    """Return a cantilever with a force at its tip; with ``count`` elements, solved as told."""
+    """Return a cantilever with a force at its tip, with ``count`` elements and a given solver."""
     body = {**_BODY, "element": {"type": "vallejo", "count": count}}
     return {"bodies": {"beam": body}, "boundary_conditions": _CLAMP, "loads": _LOADS, "solver": solver,
             "goal": {"probe": "tip", "quantity": "uy"}, "output": {"probes": {"tip": "beam@1"}}, **more}
@@ -55,7 +55,7 @@ def write(folder: Path, name: str, data: Mapping[str, Any]) -> Path:
 
 
 def start(folder: Path, *arguments: str, prefix: Sequence[str] = (), **environment: str) -> subprocess.Popen[str]:
-    """Start the command line in a process, and a session, of its own."""
+    """Start the command line in its own process and session."""
     return subprocess.Popen([*prefix, sys.executable, "-m", "ancf2d", *arguments], text=True, cwd=folder,
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
                             env={**os.environ, "PYTHONPATH": str(ROOT), **environment})
@@ -68,7 +68,7 @@ def finished(process: subprocess.Popen[str], seconds: float = 600.0) -> tuple[in
 
 
 def bits(path: Path) -> str:
-    """Return a digest of all numbers of a result file, bit for bit, but for times and places."""
+    """Return a digest of all numbers of a result file, bit for bit, except times and paths."""
     digest = hashlib.sha256()
 
     def take(name: str, node: Any) -> None:

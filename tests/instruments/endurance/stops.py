@@ -1,4 +1,4 @@
-"""Commands stopped at random moments, and disks that take nothing more: what is left is whole, or nothing."""
+"""Commands stopped at random moments, and full disks: files are complete or absent."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ ENDINGS = {".png": b"IEND\xaeB`\x82", ".html": b"</html>\n", ".gif": b";"}
 
 @dataclass
 class Stopped:
-    """What was seen of a command that was stopped: exit codes, what it left, and what was wrong with that."""
+    """Outcome of stopping a command: exit codes, files left, and faults."""
 
     codes: Counter[int] = field(default_factory=Counter)
     left: Counter[str] = field(default_factory=Counter)
@@ -55,7 +55,7 @@ class Stopped:
 
 @contextmanager
 def workshop() -> Iterator[Path]:
-    """Yield a folder with the cases and a result that commands work on."""
+    """Yield a folder with cases and a result for commands to work on."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         scenes.write(folder, "long", scenes.LONG)
@@ -71,7 +71,7 @@ def workshop() -> Iterator[Path]:
 
 
 def stop(folder: Path, command: str, how: signal.Signals, after: float) -> tuple[int, str, list[str]]:
-    """Stop a command; return its exit code, what it left, and what is wrong with that."""
+    """Stop a command; return its exit code, the files it left, and their faults."""
     for old in folder.glob("out*"):
         shutil.rmtree(old) if old.is_dir() else old.unlink()
     before = set(folder.iterdir())
@@ -88,12 +88,12 @@ def stop(folder: Path, command: str, how: signal.Signals, after: float) -> tuple
 
 
 def _files(found: Iterable[Path]) -> list[Path]:
-    """Return files, and those in folders."""
+    """Return files, also those in subfolders."""
     return [p for new in found for p in ([new] if new.is_file() else new.rglob("*")) if p.is_file()]
 
 
 def damage(path: Path) -> str:
-    """Return what is wrong with a file that was left, empty where it is whole."""
+    """Return the fault of a file that was left, empty if it is complete."""
     if path.name.startswith("."):  # private to the process, and never anyone's result
         return ""
     if path.suffix in ENDINGS:
@@ -149,7 +149,7 @@ def stops_report(count: int) -> str:
 
 @contextmanager
 def small_disk(kilobytes: int, read_only: bool = False) -> Iterator[Path | None]:
-    """Yield a folder on a disk of its own, None where none can be mounted."""
+    """Yield a folder on a small disk of its own, None if none can be mounted."""
     place = Path(tempfile.mkdtemp())
     mount = ["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", str(place)]
     mounted = subprocess.run(mount, capture_output=True).returncode
@@ -164,7 +164,7 @@ def small_disk(kilobytes: int, read_only: bool = False) -> Iterator[Path | None]
 
 
 def full_disk(kilobytes: int) -> list[str]:
-    """Let every command that writes meet a full disk; return what is wrong with how they end."""
+    """Run every command that writes on a full disk; return the faults of their ends."""
     faults: list[str] = []
     with workshop() as folder:
         for name in WRITERS:
@@ -190,7 +190,7 @@ def _faults(command: str, code: int, err: str, files: list[Path]) -> list[str]:
 
 
 def file_limit(kilobytes: int) -> list[str]:
-    """Let every command meet a limit of the size of files; return what is wrong with how they end."""
+    """Run every command under a limit on the size of files; return the faults of their ends."""
     faults: list[str] = []
     with workshop() as folder:
         for name in WRITERS:
@@ -212,7 +212,7 @@ def file_limit(kilobytes: int) -> list[str]:
 
 
 def read_only() -> list[str]:
-    """Let every command meet a folder in which nothing can be written; return what is wrong with how they end."""
+    """Run every command in a read-only folder; return the faults of their ends."""
     faults: list[str] = []
     with workshop() as folder, small_disk(1000, read_only=True) as place:
         if place is None:
@@ -223,7 +223,7 @@ def read_only() -> list[str]:
 
 
 def places_report() -> str:
-    """Return the table of disks and folders that take nothing more."""
+    """Return the table of full disks and read-only folders."""
     ways = {"a full disk (100 kB)": lambda: full_disk(100), "a full disk (16 kB)": lambda: full_disk(16),
             "a read-only disk": read_only}
     if os.name == "posix":

@@ -1,1 +1,1 @@
-"""The map of extremes: cells as data, references of their own, verdicts, and the tables of docs/extremes.md."""
+"""The map of extremes: cells as data, independent references, verdicts, and the tables of docs/extremes.md."""

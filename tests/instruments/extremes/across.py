@@ -1,4 +1,4 @@
-"""Sections loaded across: bodies shorter than they are high that turn about their middle."""
+"""Transverse tension: bodies shorter than their height that rotate about their middle."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LIMIT = 2.0 * SHORT**2
 
 
 def spun(label: str, nu: float, strain: float, count: int) -> Found:
-    """Compare how far the section is stretched with Hooke's law in Green-Lagrange strain.
+    """Compare the stretch of the section with Hooke's law in Green-Lagrange strain.
 
     Balance with displacements in proportion to x and y asks for the mean stresses rho omega^2 (h^2, L^2)/12 across and
     along, in the reference: ``strain`` is the first one over E.
@@ -35,7 +35,7 @@ def spun(label: str, nu: float, strain: float, count: int) -> Found:
 
 
 def rows() -> Iterator[Cell]:
-    """Yield tension across by Poisson's ratio, and up to strains of 0.4."""
+    """Yield transverse tension over Poisson's ratio, and up to strains of 0.4."""
     measure = "tension across, L/h = 0.01, {} element{}, beside Hooke"
     for s in SUBJECTS:
         if not s.thins:

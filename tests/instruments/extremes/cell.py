@@ -1,4 +1,4 @@
-"""A cell of the map: one scene at one extreme, measured against what is known of it, and the verdict."""
+"""A cell of the map: one scene at one extreme, its measured error compared with a reference, and the verdict."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ VERDICTS = ("holds", "degrades", "refused", "slow", "wrong")
 
 @dataclass
 class Found:
-    """What a scene gave: an error beside its reference, the warnings that came with it, and a word on how."""
+    """Result of a scene: an error compared with its reference, warnings, and a note."""
 
     error: float
     warnings: list[str] = field(default_factory=list)
@@ -48,13 +48,13 @@ class Cell:
 
     @property
     def key(self) -> str:
-        """What tells it from all other cells."""
+        """Identification among all cells."""
         return " | ".join((self.axis, self.measure, self.value, self.subject))
 
 
 @dataclass
 class Verdict:
-    """What became of a cell."""
+    """The outcome of a cell."""
 
     key: str
     axis: str
@@ -69,12 +69,12 @@ class Verdict:
 
 
 class TooLongError(BaseException):
-    """A cell has used up its time; nobody in between may take it for a failure of their own."""
+    """A cell has used up its time; not an ``Exception``, so that no code in between handles it."""
 
 
 @contextmanager
 def _limited(seconds: float) -> Iterator[None]:
-    """Raise TooLongError in the block after so many seconds of the processor."""
+    """Raise TooLongError in the block after so many seconds of processor time."""
     def stop(number: int, frame: FrameType | None) -> None:
         raise TooLongError
 
@@ -97,7 +97,7 @@ def judge(error: float, limit: float, warnings: list[str]) -> tuple[str, str]:
 
 
 def run(cell: Cell) -> Verdict:
-    """Compute a cell and judge it; whatever is raised but ancf2d's own errors is wrong."""
+    """Compute a cell and judge it; any exception other than ancf2d's own errors is wrong."""
     began, error = time.perf_counter(), None
     try:
         with _limited(cell.seconds):

@@ -20,7 +20,7 @@ CLAMPED = 3.516015269
 
 
 def pinned(subject: Subject, beam: Beam, count: int) -> dict[str, Any]:
-    """Return a pinned beam, its supports spread over the section where that warps."""
+    """Return a pinned beam; supports are spread over the section if it warps."""
     spread = {"spread": "parabolic"} if subject.type.degree_y > 1 else {}
     roller = {"type": "roller", "at": "beam@1", "fixed": "y"}
     return {"bodies": {"beam": beam.body(subject, count)},
@@ -38,7 +38,7 @@ def first_bending(label: str, beam: Beam, count: int) -> Found:
 
 
 def free_modes(label: str, beam: Beam, count: int) -> Found:
-    """Compare three zero modes and the first bending of a free beam with theory; a missing zero is no small error."""
+    """Compare zero modes and the first bending mode of a free beam with theory; a missing zero is a large error."""
     subject = BY_LABEL[label]
     run = solve({"bodies": {"beam": beam.body(subject, count)}, "solver": {"type": "eigen", "modes": 5}})
     found = run.summary["frequencies"]
@@ -51,7 +51,7 @@ def free_modes(label: str, beam: Beam, count: int) -> Found:
 
 
 def damped_bending(label: str, beam: Beam, count: int) -> Found:
-    """Compare abs(s) of the first bending of a cantilever with Rayleigh damping with Bernoulli's."""
+    """Compare abs(s) of the first bending mode of a cantilever with Rayleigh damping with Euler-Bernoulli theory."""
     expected = CLAMPED * math.sqrt(beam.EI / (beam.rho * beam.A)) / beam.L**2
     run = solve({"bodies": {"beam": beam.body(BY_LABEL[label], count)}, "solver": {"type": "eigen", "modes": 3},
                  "boundary_conditions": [{"type": "clamp", "at": "beam@0"}],
@@ -61,7 +61,7 @@ def damped_bending(label: str, beam: Beam, count: int) -> Found:
 
 
 def euler(label: str, beam: Beam, count: int) -> Found:
-    """Compare the buckling load of a pinned column with Euler's, with shear and shortening."""
+    """Compare the buckling load of a pinned column with Euler's, corrected for shear and shortening."""
     subject = BY_LABEL[label]
     case = pinned(subject, beam, count)
     spread = {"spread": "parabolic"} if subject.type.degree_y > 1 else {}

@@ -1,4 +1,4 @@
-"""Motion at the extremes: slenderness, steps from far too short to far too long, very many steps and turns."""
+"""Motion at the extremes: slenderness, far too short and far too long steps, very many steps and turns."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ METHODS = ("radau5", "radau9", "generalized_alpha", "hht", "newmark", "energy_mo
 
 
 def falling(ratio: float, stiff: float = 0.5) -> Beam:
-    """Return a pendulum of that length over height with EI = ``stiff`` rho A g L^3, so that all fall alike."""
+    """Return a pendulum of given slenderness with EI = ``stiff`` rho A g L^3, so that all fall alike."""
     h = 1.0 / ratio
     return Beam(L=1.0, h=h, b=h, E=12.0 * stiff * 1000.0 * G / h**2, rho=1000.0)
 
@@ -32,14 +32,14 @@ def pendulum(subject: Subject, beam: Beam, count: int, t_end: float, **solver: A
 
 @cache
 def fallen(ratio: float, t_end: float) -> tuple[float, float]:
-    """Return where the tip is, by the geometrically exact beam with a tight tolerance."""
+    """Return the position of the tip, by the geometrically exact beam with a tight tolerance."""
     run = solve(pendulum(BY_LABEL["reissner3"], falling(min(ratio, 1e3)), 16, t_end, method="radau9", tolerance=1e-9,
                          estimate=False))
     return run.probes["tip"]["x"], run.probes["tip"]["y"]
 
 
 def told(summary: dict[str, Any], error: float) -> list[str]:
-    """Return the estimate of the error of the steps as a warning, where it announces the error."""
+    """Return the estimated error of the steps as a warning if it announces the error."""
     estimate = summary.get("accuracy", {}).get("estimate")
     return [f"error of the steps: about {estimate:.1g}"] if estimate is not None and estimate > 0.2 * error else []
 
@@ -54,7 +54,7 @@ def slender_fall(label: str, ratio: float) -> Found:
 
 
 def stiff_fall(label: str) -> Found:
-    """Compare a pendulum of steel, L/h = 100 and all but rigid, with the rigid one: theta'' = -3 g sin(theta)/(2 L)."""
+    """Compare a nearly rigid steel pendulum, L/h = 100, with the rigid one: theta'' = -3 g sin(theta)/(2 L)."""
     from scipy.integrate import solve_ivp
 
     beam = Beam(L=1.0, h=0.01, b=0.01, E=2.07e14, rho=7850.0)
@@ -101,7 +101,7 @@ def flown(label: str, method: str, steps: int) -> Found:
 
 
 def spun(label: str, solver: str) -> Found:
-    """Return the change of energy and angular momentum of a rod that spins freely, ten thousand times.
+    """Return the change of energy and angular momentum of a rod that spins freely ten thousand times.
 
     ``energy_momentum`` keeps both, but for round-off. Adaptive steps err by their tolerance each, and the energy by
     twice that: 3e5 steps, thirty a turn, may lose 6e-5 at 1e-10.
@@ -110,7 +110,7 @@ def spun(label: str, solver: str) -> Found:
 
 
 def over_the_top(label: str, speed: float) -> Found:
-    """Compare a stiff pendulum thrown upwards with the rigid one, through the upright or nearly so.
+    """Compare a stiff pendulum thrown upwards with the rigid one, through the upright position or nearly so.
 
     ``speed`` : the rate of rotation at the start over that which just reaches the upright from below.
     """
@@ -129,7 +129,7 @@ def over_the_top(label: str, speed: float) -> Found:
 
 
 def crank(label: str, method: str, turns: float) -> Found:
-    """Compare a slider, driven by a crank through its dead points, with geometry."""
+    """Compare a slider, driven by a crank through its dead points, with its kinematics."""
     subject = BY_LABEL[label]
     arm, rod = Beam(L=0.3, h=0.02, b=0.02, E=2e11), Beam(L=0.7, h=0.02, b=0.02, E=2e11)
     case = {"bodies": {"crank": {"geometry": {"type": "line", "start": [0, 0], "end": [arm.L, 0]},
@@ -150,7 +150,7 @@ def crank(label: str, method: str, turns: float) -> Found:
 
 
 def pushed_dead(label: str) -> Found:
-    """Press on a slider whose crank and rod are stretched: nothing turns by itself, or the run says why it stops."""
+    """Push a slider at the dead point of its crank: nothing turns by itself, or the run says why it stops."""
     subject, rod = BY_LABEL[label], Beam(L=0.7, h=0.02, b=0.02, E=2e11)
     case = {"bodies": {"crank": Beam(L=0.3, h=0.02, b=0.02, E=2e11).body(subject, 2),
                        "rod": rod.body(subject, 2, (0.3, 0.0))},
@@ -164,7 +164,7 @@ def pushed_dead(label: str) -> Found:
 
 
 def many_states(label: str, states: int) -> Found:
-    """Store so many states, one a step, and return the drift of energy; all of them must be there."""
+    """Store many states, one per step, and return the drift of energy; all of them must be stored."""
     case = pendulum(BY_LABEL[label], Beam(), 1, 1.0, method="energy_momentum", dt=1.0 / states, estimate=False)
     case["output"]["every"] = 1
     run = solve(case, states=True)
@@ -172,7 +172,7 @@ def many_states(label: str, states: int) -> Found:
 
 
 def loop(third: bool) -> Found:
-    """A parallelogram of rigid bars beside one bar that turns alike; a third bar holds the same motion twice."""
+    """A parallelogram of rigid bars, with a third bar that constrains the same motion twice, and a single bar."""
     def bar(x0: float, y0: float, x1: float, y1: float) -> dict[str, Any]:
         return {"geometry": {"type": "line", "start": [x0, y0], "end": [x1, y1]},
                 "element": {"type": "rigid", "mass": 1.0, "inertia": 1 / 12}}

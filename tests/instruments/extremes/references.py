@@ -1,4 +1,4 @@
-"""What scenes are compared with: beam theory in closed form or by quadrature, none of it from ancf2d."""
+"""References of the scenes: beam theory in closed form or by quadrature, without ancf2d."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .scenes import Beam
 
 @cache
 def bent(alpha: float, axial: float, shear: float) -> tuple[float, float]:
-    """Return (ux, uy)/L of a cantilever's tip under a dead force -P across, by Reissner's beam.
+    """Return (ux, uy)/L of a cantilever's tip under a transverse dead force -P, by Reissner's beam.
 
     ``alpha`` = P L^2/EI, ``axial`` = P/EA, ``shear`` = P/kGA. Shooting for the moment at the wall.
     """
@@ -50,7 +50,7 @@ def pinned_omega(beam: Beam, mode: int = 1) -> float:
 
 
 def pinned_load(beam: Beam, shears: bool) -> float:
-    """Return the buckling load of a pinned column that shears, if so, and shortens (Reissner), in closed form."""
+    """Return the buckling load of a pinned column with optional shear and shortening (Reissner), in closed form."""
     euler = beam.EI * (math.pi / beam.L) ** 2
     # P (1 + P (1/kGA - 1/EA)) = euler, from Reissner's linearised equations
     a = (1.0 / beam.kGA if shears else 0.0) - 1.0 / beam.EA
@@ -58,12 +58,12 @@ def pinned_load(beam: Beam, shears: bool) -> float:
 
 
 def stretch_force(green: bool, stretch: float) -> float:
-    """Return N/EA of a bar stretched to so many times its length: Hooke's, or St Venant-Kirchhoff's."""
+    """Return N/EA of a bar at a given stretch: Hooke's law, or St Venant-Kirchhoff's."""
     return 0.5 * (stretch**3 - stretch) if green else stretch - 1.0
 
 
 def series_tip(parts: list[tuple[float, float, float]], P: float) -> float:
-    """Return the deflection of a cantilever of pieces (length, EI, kGA) from wall to tip under a force at the tip."""
+    """Return the tip deflection of a cantilever of pieces (length, EI, kGA) from wall to tip under a tip force."""
     out, rest = 0.0, sum(p[0] for p in parts)
     for length, EI, kGA in parts:
         # the moment falls from P rest to P (rest - length) along the piece

@@ -1,4 +1,4 @@
-"""The same scene in other units, stiffer, heavier: the same numbers, whatever is solved."""
+"""The same scene in other units, stiffer or heavier: the same numbers by every solver."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PLAIN = Beam(L=1.0, h=0.05, b=0.05, E=1e7, nu=0.3, rho=1000.0)
 
 @dataclass(frozen=True)
 class Units:
-    """What one metre, pascal and kilogram per cubic metre are called."""
+    """One metre, pascal and kilogram per cubic metre in these units."""
 
     length: float = 1.0
     stress: float = 1.0
@@ -43,7 +43,7 @@ class Units:
 
 
 def bent(subject: Subject, u: Units) -> list[float]:
-    """Return a cantilever bent far, free of units."""
+    """Return the dimensionless tip displacement of a cantilever in large bending."""
     P = 2.0 * PLAIN.EI * u.force
     run = solve(cantilever(subject, u.beam(), 6, [force([0, -P])]))
     tip, wall = run.probes["tip"], run.reactions["wall"]
@@ -52,25 +52,25 @@ def bent(subject: Subject, u: Units) -> list[float]:
 
 
 def small(subject: Subject, u: Units) -> list[float]:
-    """Return a cantilever bent a little, free of units."""
+    """Return the dimensionless tip displacement of a cantilever in small bending."""
     run = solve(cantilever(subject, u.beam(), 6, [force([0, -1e-3 * u.force])], {"type": "linear_static"}))
     return [run.probes["tip"]["uy"] / u.length, run.probes["tip"]["theta"], run.reactions["wall"]["fy"] / u.force]
 
 
 def modes(subject: Subject, u: Units) -> list[float]:
-    """Return the lowest frequencies of a clamped beam, free of units."""
+    """Return the lowest frequencies of a clamped beam, dimensionless."""
     run = solve(cantilever(subject, u.beam(), 6, [], {"type": "eigen", "modes": 4}))
     return [f["omega"] * u.time for f in run.summary["frequencies"]]
 
 
 def buckling(subject: Subject, u: Units) -> list[float]:
-    """Return the buckling load of a clamped column, free of units."""
+    """Return the buckling load of a clamped column, dimensionless."""
     run = solve(cantilever(subject, u.beam(), 6, [force([-u.force, 0])], {"type": "buckling", "modes": 1}))
     return [run.summary["load_factors"][0]]
 
 
 def path(subject: Subject, u: Units) -> list[float]:
-    """Return a column followed by arc length, free of units."""
+    """Return a column followed by arc length, dimensionless."""
     P = 2.0 * PLAIN.EI * (math.pi / 2) ** 2 * u.force
     aside = {**force([0, 1e-2 * PLAIN.EI * u.force]), "amplitude": {"type": "constant"}}
     run = solve(cantilever(subject, u.beam(), 6, [force([-P, 0]), aside], {"type": "static", "method": "arc_length"}))
@@ -78,7 +78,7 @@ def path(subject: Subject, u: Units) -> list[float]:
 
 
 def swing(subject: Subject, u: Units, **solver: Any) -> list[float]:
-    """Return a pendulum that falls, free of units."""
+    """Return a falling pendulum, dimensionless."""
     beam = u.beam()
     g = 9.81 * u.length / u.time**2
     case = {"bodies": {"beam": beam.body(subject, 4)}, "boundary_conditions": [{"type": "pin", "at": "beam@0"}],
@@ -130,7 +130,7 @@ FEW = ("vallejo", "cable", "reissner3", "2d2n")
 
 
 def rows() -> Iterator[Cell]:
-    """Yield every scene in every unit; motions by SciPy for one type, as their steps are many."""
+    """Yield every scene in every unit; motions by SciPy for one type only, as they take many steps."""
     for axis, values in AXES.items():
         for value, units in values:
             for scene in SCENES:

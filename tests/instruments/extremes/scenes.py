@@ -1,4 +1,4 @@
-"""Scenes as plain data, and the subjects that they are made of: every element type in every formulation."""
+"""Scenes as plain data, and their subjects: every element type in every formulation."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ class Subject:
 
     @property
     def shears(self) -> bool:
-        """Whether its section can turn beside its axis."""
+        """Whether its section can rotate relative to the axis."""
         return self.type.section_kind != "tangent"
 
     @property
     def thins(self) -> bool:
-        """Whether it can become thinner where it is stretched."""
+        """Whether its section contracts under tension."""
         return self.type.section_kind == "interpolated" and self.formulation != "structural"
 
 
@@ -94,19 +94,19 @@ class Beam:
         return 10 * (1 + self.nu) / (12 + 11 * self.nu) * self.E / (2 * (1 + self.nu)) * self.A
 
     def body(self, subject: Subject, count: int, start: tuple[float, float] = (0.0, 0.0), angle: float = 0.0) -> Body:
-        """Return it as a body of a case."""
+        """Return the beam as a body of a case."""
         end = [start[0] + self.L * math.cos(angle), start[1] + self.L * math.sin(angle)]
         return {"geometry": {"type": "line", "start": list(start), "end": end},
                 "section": {"height": self.h, "width": self.b},
                 "material": {"E": self.E, "nu": self.nu, "rho": self.rho}, "element": subject.element(count)}
 
     def tip(self, P: float, shears: bool = True) -> float:
-        """Return how far a force across bends a cantilever's tip, small displacements."""
+        """Return the linear tip deflection of a cantilever under a transverse force."""
         return P * self.L**3 / (3 * self.EI) + (P * self.L / self.kGA if shears else 0.0)
 
 
 def free(subject: Subject) -> str:
-    """Return the clamp that leaves a section free to thin, where it can."""
+    """Return the clamp that leaves a section free to contract if it can."""
     return "breathe" if subject.thins else "section"
 
 
@@ -119,7 +119,7 @@ def cantilever(subject: Subject, beam: Beam, count: int, loads: list[Any], solve
 
 
 def force(value: list[float], subject: Subject | None = None, at: str = "beam@1", **more: Any) -> dict[str, Any]:
-    """Return a force, spread over the section where the section warps."""
+    """Return a force, spread over the section if the section warps."""
     out = {"type": "force", "at": at, "value": value, **more}
     if subject is not None and subject.type.degree_y > 1:
         out["spread"] = "parabolic"

@@ -1,4 +1,4 @@
-"""Statics at the extremes: slenderness, Poisson's ratio, number and aspect of elements, strains, roll-up, loads."""
+"""Statics at the extremes: slenderness, Poisson's ratio, elements and their aspect ratio, strains, roll-up, loads."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def rows() -> Iterator[Cell]:
 
 
 def slender(ratio: float) -> Beam:
-    """Return a beam of that length over height."""
+    """Return a beam of given slenderness L/h."""
     return Beam(L=1.0, h=1.0 / ratio, b=1.0 / ratio)
 
 
 def linear_tip(label: str, beam: Beam, count: int) -> Found:
-    """Compare a cantilever's tip with Timoshenko's beam, or Euler's for types that do not shear."""
+    """Compare a cantilever's tip with Timoshenko's beam, or Euler-Bernoulli's for types without shear."""
     subject = BY_LABEL[label]
     P = 1e-3 * beam.EI / beam.L**2
     run = solve(cantilever(subject, beam, count, [force([0, -P], subject)], LINEAR))
@@ -52,14 +52,14 @@ def bend(label: str, beam: Beam, count: int) -> ancf2d.Solution:
 
 
 def bent_far(label: str, beam: Beam, count: int) -> Found:
-    """Compare the tip of a cantilever that bends far with Reissner's beam."""
+    """Compare the tip of a cantilever in large bending with Reissner's beam."""
     run, (ux, uy) = bend(label, beam, count), bent_tip(beam, ALPHA, BY_LABEL[label].shears)
     tip = run.probes["tip"]
     return Found(math.hypot(tip["ux"] - ux, tip["uy"] - uy) / math.hypot(ux, uy), run.warnings)
 
 
 def equilibrium(label: str, beam: Beam, count: int) -> Found:
-    """Compare the reactions with load and arm."""
+    """Compare the reactions with the load and its lever arm."""
     run, P = bend(label, beam, count), ALPHA * beam.EI / beam.L**2
     wall, arm = run.reactions["wall"], run.probes["tip"]["x"]
     off = max(abs(wall["fx"]) / P, abs(wall["fy"] / P - 1.0))
@@ -70,7 +70,7 @@ def equilibrium(label: str, beam: Beam, count: int) -> Found:
 
 
 def slenderness() -> Iterator[Cell]:
-    """Yield cantilevers from stout to 1e6 times as long as high, in every type and formulation."""
+    """Yield cantilevers up to L/h = 1e6, in every type and formulation."""
     axis = "slenderness L/h"
     for ratio in (1, 10, 1e2, 1e3, 1e4, 1e5, 1e6):
         beam = slender(ratio)
@@ -98,7 +98,7 @@ def stretched(label: str, nu: float) -> Found:
 
 
 def exact(subject: Subject) -> float:
-    """Return how near a uniform strain is: to round-off, but where neighbours share their coordinates only."""
+    """Return the tolerance of a uniform strain: round-off, unless neighbours share only coordinates."""
     return 1e-3 if subject.type.common_coefficients else 1e-8
 
 
@@ -124,7 +124,7 @@ def counts() -> Iterator[Cell]:
 
 
 def aspects() -> Iterator[Cell]:
-    """Yield elements from 1e-3 to 1e4 times as long as high."""
+    """Yield elements with length over height from 1e-3 to 1e4."""
     for count, ratio in ((10**3, 10.0), (100, 10.0), (10, 10.0), (8, 80.0), (8, 800.0), (8, 8e3),
                          (8, 8e4)):
         for s in DEFAULTS:
@@ -167,12 +167,12 @@ def neighbours() -> Iterator[Cell]:
 
 
 def is_green(subject: Subject) -> bool:
-    """Whether its bar obeys Green-Lagrange strain."""
+    """Whether its bar has Green-Lagrange strain."""
     return subject.thins or subject.formulation == "green"
 
 
 def pulled(label: str, stretch: float) -> Found:
-    """Compare how far a force pulls a bar with the law of its formulation."""
+    """Compare the elongation of a bar under a force with the law of its formulation."""
     subject, beam = BY_LABEL[label], Beam(L=0.3, nu=0.3)
     N = stretch_force(is_green(subject), stretch) * beam.EA
     run = solve(cantilever(subject, beam, 4, [{**force([N, 0]), "spread": "uniform"}]))
@@ -180,7 +180,7 @@ def pulled(label: str, stretch: float) -> Found:
 
 
 def pressed(label: str, stretch: float) -> Found:
-    """Compare the force that holds a bar at a stretch with the law of its formulation."""
+    """Compare the force of a bar at a prescribed stretch with the law of its formulation."""
     subject, beam = BY_LABEL[label], Beam(L=0.3, nu=0.0)
     case = cantilever(subject, beam, 4, [])
     case["boundary_conditions"].append({"name": "press", "type": "prescribed", "at": "beam@1",
@@ -191,7 +191,7 @@ def pressed(label: str, stretch: float) -> Found:
 
 
 def strains() -> Iterator[Cell]:
-    """Yield tension to half the length, compression to nothing and beyond."""
+    """Yield tension to a strain of one half, and compression to zero length and beyond."""
     for strain in (1e-12, 1e-6, 1e-2, 0.1, 0.5, -1e-6, -1e-2, -0.1, -0.3):
         for s in SUBJECTS:
             yield Cell("strain", f"{strain:g}", s.label, "by a force, beside the law of the formulation",
@@ -206,7 +206,7 @@ def strains() -> Iterator[Cell]:
 
 
 def rolled(label: str, turns: float, count: int) -> Found:
-    """Compare a cantilever that a moment rolls up with the circle."""
+    """Compare a cantilever rolled up by a moment with the circle."""
     subject, beam = BY_LABEL[label], slender(100)
     M = 2.0 * math.pi * turns * beam.EI / beam.L
     case = cantilever(subject, beam, count, [{"type": "moment", "at": "beam@1", "value": M}], hold=None)
@@ -226,7 +226,7 @@ def rolls() -> Iterator[Cell]:
 
 
 def column(label: str, ratio: float, aside: float) -> Found:
-    """Compare a cantilever column under ``ratio`` times its buckling load, pushed aside by a little, with theory.
+    """Compare a cantilever column under ``ratio`` times its buckling load, with a small transverse force, with theory.
 
     Below the buckling load the tip goes aside by the beam-column's formula; above, the run must tell.
     """
@@ -248,7 +248,7 @@ def column(label: str, ratio: float, aside: float) -> Found:
 
 
 def pushed(label: str, ratio: float, count: int = 256) -> Found:
-    """Compare the arm of a cantilever under a very large force across with M^2 = 2 P EI, the elastica's."""
+    """Compare the lever arm of a cantilever under a very large transverse force with M^2 = 2 P EI, the elastica's."""
     subject, beam = BY_LABEL[label], slender(1000)
     P = ratio * beam.EI * (math.pi / 2 / beam.L) ** 2
     run = solve(cantilever(subject, beam, count, [force([0, -P], subject)]))
@@ -256,7 +256,7 @@ def pushed(label: str, ratio: float, count: int = 256) -> Found:
 
 
 def columns() -> Iterator[Cell]:
-    """Yield loads from next to nothing to a thousand times the buckling load."""
+    """Yield loads from nearly zero to a thousand times the buckling load."""
     for ratio in (1e-12, 1e-6, 0.5, 0.99, 1.1, 2.0, 10.0, 1e3):
         for s in DEFAULTS:
             yield Cell("load over buckling load", f"{ratio:g}", s.label, "column, pushed aside, beside the beam-column",
@@ -271,7 +271,7 @@ def columns() -> Iterator[Cell]:
 
 
 def turned(label: str, turns: int) -> Found:
-    """Turn a pinned beam statically; nothing may be strained, and the tip comes back."""
+    """Turn a pinned beam statically: no strain, and the tip comes back."""
     subject, beam = BY_LABEL[label], Beam()
     case = {"bodies": {"beam": beam.body(subject, 2)},
             "boundary_conditions": [{"type": "pin", "at": "beam@0"},
@@ -285,7 +285,7 @@ def turned(label: str, turns: int) -> Found:
 
 
 def strained(label: str, number: int) -> Found:
-    """Return the strain that rigid rotation by many turns and a third leaves in the coordinates."""
+    """Return the strain that a rigid rotation by many turns and a third leaves in the coordinates."""
     return Found(conservation.turned_strain(label, number + 1 / 3))
 
 

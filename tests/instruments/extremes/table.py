@@ -1,4 +1,4 @@
-"""All cells of the map in the order of the page, and the tables that their verdicts make."""
+"""All cells of the map in the order of the page, and the tables of their verdicts."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def counts(rows: Iterable[dict[str, Any]]) -> str:
 
 
 def _mark(v: Verdict, notes: dict[str, int]) -> str:
-    """Return what a cell shows: its error, or its verdict with the number of the message."""
+    """Return the text of a cell: its error, or its verdict with the number of the message."""
     error = "lost" if v.error is None else "exact" if v.error < 1e-15 else f"{v.error:.0e}"
     if v.verdict == "holds":
         return error

@@ -1,4 +1,4 @@
-"""Known traps, each by its name: singular positions, constraints at odds, loads of nothing, numbers of any size."""
+"""Known traps by name: singular positions, contradictory constraints, zero loads, numbers of any size."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SOLVERS: dict[str, dict[str, Any]] = {
 
 
 def stiff_axial(label: str) -> Found:
-    """A clamped beam with EA L^2/EI = 1e10 beside Reissner's beam: the tip of the elastica at P L^2/EI = 2."""
+    """A clamped beam with EA L^2/EI = 1e10 compared with Reissner's beam: the elastica at P L^2/EI = 2."""
     subject = BY_LABEL[label]
     case = cantilever(subject, Beam(), 16, [force([0, -2.0])], hold="section")
     body = case["bodies"]["beam"]
@@ -35,7 +35,7 @@ def stiff_axial(label: str) -> Found:
 
 
 def ring(label: str) -> Found:
-    """A ring, closed by a weld, pulled apart by a small force, beside P R^3/EI (pi/4 - 2/pi)."""
+    """A closed, welded ring under a small opposite pair of forces, compared with P R^3/EI (pi/4 - 2/pi)."""
     subject, beam = BY_LABEL[label], slender(100)
     R, P = 0.5, 1e-4 * beam.EI
     body = beam.body(subject, 64)
@@ -50,7 +50,7 @@ def ring(label: str) -> Found:
 
 
 def snap(label: str) -> Found:
-    """A shallow arch under more than its limit load: newton must refuse, or tell that it is on another branch."""
+    """A shallow arch above its limit load: newton must refuse, or report that it is on another branch."""
     subject = BY_LABEL[label]
     body = Beam(h=0.02, b=0.02, E=1e9).body(subject, 16)
     body["geometry"] = {"type": "polyline", "points": [[-1, 0], [0, 0.15], [1, 0]]}
@@ -64,7 +64,7 @@ def snap(label: str) -> Found:
 
 
 def clamped_twice(label: str, ratio: float) -> Found:
-    """A beam clamped at both ends, pushed in the middle by a little, beside P L^3/(192 EI) + P L/(4 kGA)."""
+    """A beam clamped at both ends under a small central force, compared with P L^3/(192 EI) + P L/(4 kGA)."""
     subject, beam = BY_LABEL[label], slender(ratio)
     P = 1e-3 * beam.EI / beam.L**2
     hold = free(subject)
@@ -79,7 +79,7 @@ def clamped_twice(label: str, ratio: float) -> Found:
 
 
 def zero_load(label: str, solver: str) -> Found:
-    """Nothing acts: nothing moves, or there is nothing to be solved."""
+    """No load: nothing moves, or there is nothing to solve."""
     run = solve(cantilever(BY_LABEL[label], Beam(), 4, [force([0, 0])], SOLVERS[solver]))
     tip = run.probes["tip"]
     moved = max(abs(tip[k]) for k in ("ux", "uy", "theta")) if "ux" in tip else 0.0
@@ -89,7 +89,7 @@ def zero_load(label: str, solver: str) -> Found:
 
 
 def massless(label: str, solver: str, given: bool) -> Found:
-    """A body without density that is to move: it must be refused."""
+    """A motion of a body without density must be refused."""
     case = cantilever(BY_LABEL[label], Beam(), 4, [force([0, -1])], SOLVERS[solver])
     if given:
         case["bodies"]["beam"]["material"]["rho"] = 0.0
@@ -100,7 +100,7 @@ def massless(label: str, solver: str, given: bool) -> Found:
 
 
 def twice(label: str, solver: str) -> Found:
-    """Supports that hold the same: as if they were one, and told of."""
+    """Two supports with the same constraint: as one support, with a warning."""
     case = cantilever(BY_LABEL[label], Beam(), 4, [force([0, -10])], SOLVERS[solver])
     one = solve(case).probes["tip"]["uy"]
     case["boundary_conditions"] += [{"type": "pin", "at": "beam@0"}, {"type": "roller", "at": "beam@0", "fixed": "y"}]
@@ -111,7 +111,7 @@ def twice(label: str, solver: str) -> Found:
 
 
 def at_odds(label: str) -> Found:
-    """Two supports that prescribe different motions of one point: it must be refused."""
+    """Two supports that prescribe different motions of one point must be refused."""
     case = cantilever(BY_LABEL[label], Beam(), 4, [])
     case["boundary_conditions"] += [{"type": "prescribed", "at": "beam@1", "uy": 0.01},
                                     {"type": "prescribed", "at": "beam@1", "uy": 0.02}]
@@ -120,7 +120,7 @@ def at_odds(label: str) -> Found:
 
 
 def jump(label: str) -> Found:
-    """A motion that jumps would need an infinite velocity: it must be refused."""
+    """A motion with a jump would need an infinite velocity and must be refused."""
     case = cantilever(BY_LABEL[label], Beam(), 4, [], SOLVERS["dynamic"])
     step = {"type": "table", "t": [0, 0.005, 0.005, 0.01], "value": [0, 0, 0.01, 0.01]}
     case["boundary_conditions"].append({"type": "prescribed", "at": "beam@1", "uy": step})
@@ -129,7 +129,7 @@ def jump(label: str) -> Found:
 
 
 def flipped(label: str, turn: float) -> Found:
-    """A soft section turned at its end in one static step: it stands where it is told, or the run fails."""
+    """A soft section turned at its end in one static step: it has the prescribed angle, or the run fails."""
     subject, beam = BY_LABEL[label], Beam()
     case = cantilever(subject, beam, 4, [], {"type": "static", "steps": 1})
     case["boundary_conditions"].append({"type": "prescribed", "at": "beam@1", "angle": turn})
@@ -138,7 +138,7 @@ def flipped(label: str, turn: float) -> Found:
 
 
 def toggle(label: str, slope: float) -> Found:
-    """A roller that hardly holds: its force is the load over the slope, exactly; or the mechanism is named."""
+    """A nearly singular roller: its force is exactly the load over the slope, or the mechanism is named."""
     subject, beam = BY_LABEL[label], slender(100)
     H = 1e-9 * beam.EA * slope
     case = {"bodies": {"beam": beam.body(subject, 8)},
@@ -151,7 +151,7 @@ def toggle(label: str, slope: float) -> Found:
 
 
 def extreme_number(change: str) -> Found:
-    """A number at the edge of what computers hold: solved and right, or refused; never not-a-number."""
+    """A number at the limits of floating point: solved and right, or refused; never NaN."""
     case = ancf2d.load(cantilever(BY_LABEL["vallejo"], Beam(), 4, [force([0, -1e-3])]), [change])
     run = ancf2d.solve(case, states=False)
     numbers = [*run.probes["tip"].values(), *run.reactions["wall"].values()]
@@ -175,7 +175,7 @@ NUMBERS = ("bodies.beam.material.E=1e300", "bodies.beam.material.E=1e-300", "bod
 
 
 def amplitude(text: str, solver: str) -> Found:
-    """An amplitude without a value somewhere: it must be refused."""
+    """An amplitude without a value somewhere must be refused."""
     load = {**force([0, -1e-3]), "amplitude": {"type": "expression", "value": text}}
     solve(cantilever(BY_LABEL["vallejo"], Beam(), 4, [load], SOLVERS[solver]))
     return Found(math.inf)

@@ -1,1 +1,1 @@
-"""Mutants of case files and of result files, and what the commands make of them."""
+"""Mutants of case files and of result files, and the outcome of commands on them."""

@@ -1,4 +1,4 @@
-"""Mutants of case files: sound cases made small, then changed as data, as text and as bytes."""
+"""Mutants of case files: small sound cases, changed as data, as text and as bytes."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ driven: {bodies: {a: {geometry: {type: line, start: [0, 0], end: [1, 0]}, sectio
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes values out instead of referring to them."""
+    """A YAML dumper without aliases."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
 
 
 def small(data: Any) -> Any:
-    """Return a case that is solved in a moment: few elements, steps, modes."""
+    """Reduce a case to few elements, steps and modes, so that it is solved in a moment."""
     out = json.loads(json.dumps(data))
     for path in list(trees.places(out)):
         parent, key = trees.value_at(out, path[:-1]), path[-1]
@@ -86,13 +86,13 @@ def small(data: Any) -> Any:
 
 @cache
 def bases() -> list[Any]:
-    """Return the sound cases that mutants are made of, as plain data."""
+    """Return the sound cases from which mutants are made, as plain data."""
     found = [_read(p.read_text(encoding="utf-8")) for pattern in SOURCES for p in sorted(ROOT.glob(pattern))]
     return [small(data) for data in (*found, *_read(EXTRAS).values())]
 
 
 def _read(text: str) -> Any:
-    """Return YAML as plain data, its numbers read as those of cases are."""
+    """Return YAML as plain data, with numbers read as in cases."""
     return plain_data(compose(text, Origin("case.yaml", text.split("\n"))))
 
 
@@ -127,7 +127,7 @@ def _text(data: Any, rng: random.Random) -> str:
 
 
 def _damaged(data: bytes, rng: random.Random, share: float) -> bytes:
-    """Return bytes with some of them changed, in so large a share of all calls."""
+    """Return bytes, a given share of the calls with some of them changed."""
     if rng.random() >= share:
         return data
     out = bytearray(data)
@@ -172,7 +172,7 @@ def _laughs(text: str, rng: random.Random) -> bytes:
 
 
 def _big(text: str, rng: random.Random) -> bytes:
-    """Let a file be of megabytes, in one of several ways."""
+    """Blow a file up to megabytes, in one of several ways."""
     n = rng.choice([10**3] * 3 + [10**4] * 3 + [10**5] * 2 + [10**6])
     return rng.choice([
         lambda: text + "#" * n, lambda: text + "\n" * n, lambda: "title: " + "x" * n + "\n" + text,

@@ -1,4 +1,4 @@
-"""What the commands make of one mutant of a case file."""
+"""The outcome of commands on one mutant of a case file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ REFUSED = 10
 
 @dataclass
 class Trial:
-    """What came of one mutant: exit codes of validate and run (None: not run), seconds, and what broke a promise."""
+    """The outcome of one mutant: exit codes of validate and run (None: not run), seconds, and broken promises."""
 
     number: int
     validated: int = -1
@@ -43,7 +43,7 @@ class Trial:
 
 
 def trials(folder: Path, seed: int, numbers: range, limits: Limits | None = None) -> Iterator[tuple[Trial, Ended]]:
-    """Yield what came of each mutant, tried in a process of its own in an empty folder."""
+    """Yield the outcome of each mutant, tried in its own process in an empty folder."""
     def work(number: int) -> Trial:
         return examine(folder, seed, number)
 
@@ -58,7 +58,7 @@ def trials(folder: Path, seed: int, numbers: range, limits: Limits | None = None
 
 
 def report(count: int, seed: int = 1) -> str:
-    """Return the table of what came of mutants of case files, and a line for each fault."""
+    """Return the table of outcomes of mutants of case files, and a line for each fault."""
     ends: Counter[tuple[int, int | None]] = Counter()
     faults, most, slowest, began = [], 0, 0.0, time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
@@ -79,7 +79,7 @@ def report(count: int, seed: int = 1) -> str:
 
 @contextmanager
 def interrupted_after(seconds: float) -> Iterator[None]:
-    """Interrupt a command that takes more of the processor's time, as Ctrl-C would; it alone meets that."""
+    """Interrupt a command that takes more processor time, as Ctrl-C would."""
     signal.signal(signal.SIGPROF, _interrupt)
     signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
@@ -122,7 +122,7 @@ def examine(folder: Path, seed: int, number: int) -> Trial:
 
 
 def _left(checked: Called, ran: Called) -> list[str]:
-    """Return what is wrong with what a run left behind."""
+    """Return the faults of files that a run left behind."""
     if (checked.code, ran.code) in ((0, 2), (2, 0), (2, 1)):
         return [f"validate ends with {checked.code}, run with {ran.code}: {ran.err.strip()[:300]}"]
     left = set(os.listdir()) - {"case.yaml", "own.yaml"}

@@ -1,4 +1,4 @@
-"""The command line in this process, and the promises that every invocation keeps."""
+"""The command line in this process, and promises that every command keeps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LEAKS = ("Traceback (most recent call last)", "internal error", " object at 0x",
 
 
 def told(faults: list[str]) -> str:
-    """Return how many mutants broke a promise, and a line for each fault, ``NUMBER: WHAT``."""
+    """Return the number of mutants that broke a promise, and a line for each fault, ``NUMBER: FAULT``."""
     numbers = {fault.split(":")[0] for fault in faults}
     return (f"Mutants with another exit code, a traceback, a damaged file or no bound: {len(numbers)}."
             + "".join(f"\n* {fault}" for fault in faults))
@@ -25,7 +25,7 @@ def told(faults: list[str]) -> str:
 
 @dataclass
 class Called:
-    """One invocation: its arguments, exit code and what it printed."""
+    """One command: its arguments, exit code and output."""
 
     arguments: list[str]
     code: int
@@ -33,7 +33,7 @@ class Called:
     err: str
 
     def faults(self, codes: set[int] = CODES) -> list[str]:
-        """Return what breaks the promises: another exit code, a traceback, no word on a failure, no JSON."""
+        """Return broken promises: an unexpected exit code, a traceback, a failure without a message, missing JSON."""
         name = " ".join(self.arguments)
         found = [f"{name}: exit code {self.code}: {self.err.strip()[-300:]}"] if self.code not in codes else []
         found += [f"{name}: prints '{leak}': {self.err.strip()[-300:]}"
@@ -62,7 +62,7 @@ def call(*arguments: str) -> Called:
 
 
 def unreal(path: Path) -> list[str]:
-    """Return the names of what is no number in a result file that counts as a success."""
+    """Return the names of values that are not finite in a result file of a successful run."""
     from ancf2d.results import open_results
 
     found: list[str] = []
@@ -77,7 +77,7 @@ def unreal(path: Path) -> list[str]:
 
 
 def unreal_numbers(value: Any, path: str = "summary") -> list[str]:
-    """Return where in nested plain data there is a float that is no number."""
+    """Return the paths of floats in nested plain data that are not finite."""
     if isinstance(value, dict):
         return [f for k, v in value.items() for f in unreal_numbers(v, f"{path}.{k}")]
     if isinstance(value, list):

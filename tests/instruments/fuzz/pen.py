@@ -1,4 +1,4 @@
-"""Work on what may be hostile, in a process of its own: bounded in memory, interrupted, then killed, never trusted."""
+"""Work on hostile input in a separate process: limited in memory, interrupted, then killed, never trusted."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MEMORY = 2 << 30  # bytes that work may use beyond what its process uses before
 
 @dataclass
 class Limits:
-    """Seconds of the processor until work is interrupted, and from then until it is killed; bytes of memory."""
+    """Processor seconds until work is interrupted, and from then until it is killed; bytes of memory."""
 
     patience: float = 2.0
     grace: float = GRACE
@@ -31,7 +31,7 @@ class Limits:
 
 @dataclass
 class Ended:
-    """How one piece of work ended: what it returned, or why it returned nothing."""
+    """The end of one piece of work: its return value, or why there is none."""
 
     value: Any = None
     fault: str = ""
@@ -40,7 +40,7 @@ class Ended:
 
 
 def confined(work: Callable[[Any], Any], jobs: Iterable[Any], limits: Limits) -> Iterator[tuple[Any, Ended]]:
-    """Yield each job with how its work ended, done one after the other in a forked process.
+    """Yield each job with its end, done one after the other in a forked process.
 
     The process is replaced when it dies, hangs or has used much memory, so that jobs do not see each other.
     """
@@ -83,7 +83,7 @@ def _one(process: Any, here: Connection, job: Any, limits: Limits) -> Ended:
 
 
 def _ends_within(seconds: float, process: Any, here: Connection) -> bool:
-    """Wait until work has ended or its time is up."""
+    """Wait until work has ended or its time has run out."""
     used, began = _processor_time(process.pid), time.monotonic()
     while not here.poll(min(0.2, seconds)):
         if _processor_time(process.pid) - used > seconds or time.monotonic() - began > SHARED * seconds:
@@ -92,7 +92,7 @@ def _ends_within(seconds: float, process: Any, here: Connection) -> bool:
 
 
 def _processor_time(pid: int) -> float:
-    """Return the seconds of the processor that a process has used."""
+    """Return the processor seconds of a process."""
     fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -103,7 +103,7 @@ def _stop(process: Any) -> None:
 
 
 def _serve(work: Callable[[Any], Any], there: Connection, memory: int) -> None:
-    """Do the jobs that come, until there are no more."""
+    """Do incoming jobs until there are no more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_AS, (_status("VmSize") + memory, resource.RLIM_INFINITY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -117,7 +117,7 @@ def _serve(work: Callable[[Any], Any], there: Connection, memory: int) -> None:
 
 
 def _confess(work: Callable[[Any], Any], job: Any) -> Ended:
-    """Do one job; tell what came of it and the memory it took."""
+    """Do one job; report its outcome and the memory it took."""
     Path("/proc/self/clear_refs").write_text("5")  # the peak is that of this job
     before = _status("VmRSS")
     ended = Ended()
@@ -135,7 +135,7 @@ def _confess(work: Callable[[Any], Any], job: Any) -> Ended:
 
 
 def _status(name: str) -> int:
-    """Return a size (bytes) that the system tells of this process."""
+    """Return a size (bytes) of this process from /proc."""
     for line in Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines():
         if line.startswith(name + ":"):
             return int(line.split()[1]) * 1024

@@ -1,4 +1,4 @@
-"""Mutants of result files: sound ones of every kind, their bytes and their HDF5 objects changed."""
+"""Mutants of result files: sound files of every kind with changed bytes and HDF5 objects."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ KINDS: dict[str, tuple[str, list[str], list[str]]] = {
 
 
 def make_bases(folder: Path) -> list[Path]:
-    """Write the sound result files that mutants are made of. Raises RuntimeError where one cannot be made."""
+    """Write the sound result files from which mutants are made. Raises RuntimeError if one cannot be made."""
     from ancf2d.case.compose import compose
     from ancf2d.case.nodes import Origin, plain_data
 
@@ -47,7 +47,7 @@ def make_bases(folder: Path) -> list[Path]:
 
 
 def mutant(bases: list[Path], path: Path, seed: int, number: int) -> Path:
-    """Write one mutant to ``path``; return the sound file that it was made of."""
+    """Write one mutant to ``path``; return the sound file it is made from."""
     rng = random.Random(f"{seed}:{number}")
     base = rng.choice(bases)
     content = base.read_bytes()
@@ -105,7 +105,7 @@ def _edit(file: h5py.File, rng: random.Random) -> None:
 
 
 def _replace(file: h5py.File, name: str, rng: random.Random) -> None:
-    """Put data of another shape, type or size in the place of an object."""
+    """Replace an object by data of another shape, type or size."""
     attributes = dict(file[name].attrs)
     old = file[name]
     shape = old.shape if isinstance(old, h5py.Dataset) and old.shape else (3,)
@@ -149,7 +149,7 @@ def _delete(file: h5py.File, name: str, rng: random.Random) -> None:
 
 
 def _link(file: h5py.File, name: str, rng: random.Random) -> None:
-    """Put a link in the place of an object: to nothing, to itself, to another file, round in a circle."""
+    """Replace an object by a link: to nothing, to itself, to another file, round in a circle."""
     names: list[str] = []
     file.visit(names.append)
     other = rng.choice(names)
@@ -161,7 +161,7 @@ def _link(file: h5py.File, name: str, rng: random.Random) -> None:
 
 
 def _kind(file: h5py.File, name: str, rng: random.Random) -> None:
-    """Put a group in the place of a dataset, and the other way round; or move an object."""
+    """Replace a dataset by a group or vice versa, or move an object."""
     if rng.random() < 0.5:
         del file[name]
         file.create_group(name)
@@ -171,7 +171,7 @@ def _kind(file: h5py.File, name: str, rng: random.Random) -> None:
 
 
 def _attribute(file: h5py.File, name: str, rng: random.Random) -> None:
-    """Change or remove an attribute, one of the file itself in half of all calls."""
+    """Change or remove an attribute, in half of all calls one of the file itself."""
     node = file if rng.random() < 0.5 else file[name]
     keys = list(node.attrs)
     key = rng.choice(keys) if keys else "committed"
@@ -186,7 +186,7 @@ def _attribute(file: h5py.File, name: str, rng: random.Random) -> None:
 
 
 def _texts(file: h5py.File, name: str, rng: random.Random) -> None:
-    """Change the summary as the JSON that it is, or another text."""
+    """Change the summary as JSON, or another text."""
     texts = [n for n in ("summary", "case/text", "case/completed", "case/overrides") if n in file]
     chosen = rng.choice([*texts, *["summary"] * 4])
     if chosen == "summary" and "summary" in file:

@@ -1,4 +1,4 @@
-"""What the commands, and the Python interface, make of one mutant of a result file."""
+"""The outcome of commands and of the Python interface on one mutant of a result file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SECONDS = 30.0  # of the processor's time within which each command must end
 
 @dataclass
 class Trial:
-    """What came of one mutant: how often commands ended with each code, and what broke a promise."""
+    """The outcome of one mutant: the number of commands by exit code, and broken promises."""
 
     number: int
     codes: Counter[tuple[str, int]] = field(default_factory=Counter)
@@ -32,13 +32,13 @@ class Trial:
 
     @property
     def read(self) -> bool:
-        """Whether the mutant was taken for a result."""
+        """Whether the mutant was accepted as a result."""
         return bool(self.codes["info", 0])
 
 
 def trials(folder: Path, bases: list[Path], seed: int, numbers: range,
            limits: Limits | None = None) -> Iterator[tuple[Trial, Ended]]:
-    """Yield what came of each mutant, tried in a process of its own in an empty folder."""
+    """Yield the outcome of each mutant, tried in its own process in an empty folder."""
     def work(number: int) -> Trial:
         return examine(folder, bases, seed, number)
 
@@ -49,7 +49,7 @@ def trials(folder: Path, bases: list[Path], seed: int, numbers: range,
 
 
 def report(count: int, seed: int = 1) -> str:
-    """Return the table of what came of mutants of result files, and a line for each fault."""
+    """Return the table of outcomes of mutants of result files, and a line for each fault."""
     codes: Counter[tuple[str, int]] = Counter()
     faults, read, most, began = [], 0, 0, time.monotonic()
     with tempfile.TemporaryDirectory() as sound, tempfile.TemporaryDirectory() as folder:
@@ -86,7 +86,7 @@ def examine(folder: Path, bases: list[Path], seed: int, number: int) -> Trial:
 
 
 def _commands(base: str, number: int) -> Iterator[tuple[list[str], str]]:
-    """Yield command lines, each with the file that it makes."""
+    """Yield command lines, each with the file that it writes."""
     from ancf2d.plot import KINDS
 
     yield ["info", MUTANT, *(["--json"] if number % 2 else [])], ""
@@ -104,7 +104,7 @@ def _commands(base: str, number: int) -> Iterator[tuple[list[str], str]]:
 
 
 def _made(called: Called, name: str) -> list[str]:
-    """Return what is wrong with the file that a command should have made."""
+    """Return the faults of the file that a command should have written."""
     if name and (called.code == 0) != Path(name).exists():
         return [f"{' '.join(called.arguments)} ends with {called.code}, {name} is {'' if called.code else 'not '}there"]
     rest = [n for n in os.listdir() if ".part" in n or n.endswith(".tmp")]
@@ -112,7 +112,7 @@ def _made(called: Called, name: str) -> list[str]:
 
 
 def _by_python() -> list[str]:
-    """Return what else than an expected error reading everything in Python ends with."""
+    """Return the exception, if it is not an expected one, of reading everything in Python."""
     import ancf2d
 
     try:

@@ -1,4 +1,4 @@
-"""Changes to nested plain data, as YAML and JSON hold it: values, keys, places, sizes, numbers."""
+"""Changes of nested plain data as in YAML and JSON: values, keys, positions, sizes, numbers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ OTHERS: list[Any] = [None, True, False, [], {}, [None], [[]], [{}], {"": None}, 
 
 
 def places(data: Any, path: Place = ()) -> Iterator[Place]:
-    """Yield the place of every value inside plain data."""
+    """Yield the position of every value inside plain data."""
     items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
     for key, value in items:
         yield (*path, key)
@@ -35,14 +35,14 @@ def places(data: Any, path: Place = ()) -> Iterator[Place]:
 
 
 def value_at(data: Any, path: Place) -> Any:
-    """Return the value at a place."""
+    """Return the value at a position."""
     for part in path:
         data = data[part]
     return data
 
 
 def changed(data: Any, rng: random.Random, strangers: Sequence[Any] = ()) -> Any:
-    """Return plain data with one change; ``strangers`` is data that parts may come from."""
+    """Return plain data with one change; parts may come from the data ``strangers``."""
     data = copy.deepcopy(data)
     found = list(places(data))
     if not found:
@@ -60,7 +60,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _number(parent: Any, key: Any, rng: random.Random, _: Sequence[Any]) -> None:
-    """Change a number as a number; put one in the place of what is none."""
+    """Change a number as a number; replace other values by one."""
     value = parent[key]
     if not _is_number(value) or not math.isfinite(value) or abs(value) > 1e300:
         parent[key] = rng.choice(NUMBERS)
@@ -91,7 +91,7 @@ def _rename(parent: Any, key: Any, rng: random.Random, data: Sequence[Any]) -> N
 
 
 def _splice(parent: Any, key: Any, rng: random.Random, data: Sequence[Any]) -> None:
-    """Put a part of this or other data in the place of a value, or beside it under its own key."""
+    """Insert a part of this or other data in place of a value, or beside it under its own key."""
     source = rng.choice(data)
     found = list(places(source))
     if not found:
@@ -105,14 +105,14 @@ def _splice(parent: Any, key: Any, rng: random.Random, data: Sequence[Any]) -> N
 
 
 def _akin(parent: Any, key: Any, rng: random.Random, data: Sequence[Any]) -> None:
-    """Put what has the same key elsewhere in the place of a value: such mutants often are valid."""
+    """Replace a value by one that has the same key elsewhere: such mutants are often valid."""
     found = [(d, p) for d in data for p in places(d) if p[-1] == key]
     source, path = rng.choice(found)
     parent[key] = copy.deepcopy(value_at(source, path))
 
 
 def _repeat(parent: Any, key: Any, rng: random.Random, _: Sequence[Any]) -> None:
-    """Let a list have many of its items, or a mapping many of its values."""
+    """Repeat the items of a list, or the values of a mapping, many times."""
     count = rng.choice([2, 3, 20, 200])
     if isinstance(parent, list):
         parent[key:key] = [copy.deepcopy(parent[key]) for _ in range(count)]

@@ -1,1 +1,1 @@
-"""What is measured of motions for docs/motion.md: one module for each part."""
+"""Measurements of motions for docs/motion.md, one module for each part."""

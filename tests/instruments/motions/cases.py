@@ -1,4 +1,4 @@
-"""Every case of cases/dynamic against its reference, over the whole motion, and against finer runs of itself."""
+"""Every case of cases/dynamic compared with its reference over the whole motion, and with finer runs of itself."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def exact() -> str:
 
 
 def met(good: bool) -> str:
-    """Return how a wanted value was met."""
+    """Return how closely an expected value was met."""
     return "ok" if good else "MISSED"
 
 
@@ -129,7 +129,7 @@ def given() -> str:
 
 
 def apart() -> str:
-    """Return the table of how far two runs of the slider-crank part with time."""
+    """Return the table of the divergence of two runs of the slider-crank over time."""
     name, times = "slider_crank_reissner3", (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
     one, two = (moved(name, "solver.t_end=1", *more) for more in ((), finer(name)))
     gap = np.hypot(*(one.place("middle") - two.place("middle")).T)
@@ -143,7 +143,7 @@ def _pair(values: Iterable[float | None]) -> str:
 
 
 def paper() -> str:
-    """Return the table of the paper's elements at the end of each motion, beside both limits."""
+    """Return the table of the paper's elements at the end of each motion, with both limits."""
     rows = []
     names = [f.stem.rsplit("_", 1) for f in MOTIONS.glob("*_2d?n_*.yaml")]
     for kind, count in sorted(names, key=lambda n: (n[0], int(n[1]))):

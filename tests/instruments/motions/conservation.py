@@ -1,4 +1,4 @@
-"""What is kept over very many steps and turns: energy, momentum, the state of steady rotation, strain of no strain."""
+"""Conservation over very many steps and turns: energy, momentum, steady rotation, strain of rigid motion."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ WAYS = (("vallejo", "method: energy_momentum, dt: 3e-4"), ("cable", "method: ene
 
 
 def drift(element: str, steps: int, method: str = "energy_momentum") -> dict[str, float]:
-    """Return how far energy and momenta of a freely flying rod of steel stray, relative, in so many steps."""
+    """Return the relative drift of energy and momenta of a freely flying steel rod over many steps."""
     loaded = case(FLYING.format(element=element, end=steps * DT, dt=DT, every=max(1, steps // 1000), method=method))
     motion = follow(loaded, momentum=True)
     free = motion.t > PUSH * (1.0 + 1e-9)
@@ -74,7 +74,7 @@ def drift(element: str, steps: int, method: str = "energy_momentum") -> dict[str
 
 
 def drifts(steps: int) -> str:
-    """Return the table of what energy_momentum keeps."""
+    """Return the table of quantities that energy_momentum conserves."""
     rows = []
     for element in ("vallejo", "cable"):
         f = drift(element, steps)
@@ -85,7 +85,7 @@ def drifts(steps: int) -> str:
 
 
 def turning(element: str, solver: str, turns: float, states: int = 200) -> Motion:
-    """Return the motion of a rod that begins in steady rotation. Raises ComputationError where it fails."""
+    """Return the motion of a rod that begins in steady rotation. Raises ComputationError if it fails."""
     end = 2.0 * math.pi * turns / OMEGA
     dt = float(solver.split("dt:")[1]) if "dt:" in solver else 1e-3
     motion = follow_from(STEADY.format(element=element, omega=OMEGA), TURNING.format(
@@ -103,7 +103,7 @@ def steady(element: str, solver: str, turns: float) -> tuple[float, int, float]:
 
 
 def spun(element: str, solver: str, turns: float) -> tuple[float, list[str]]:
-    """Return the largest relative change of energy and angular momentum of a rod that turns freely, and warnings."""
+    """Return the largest relative change of energy and angular momentum of a freely rotating rod, and warnings."""
     motion = turning(element, solver, turns)
     total, momentum = np.array([e["kinetic"] + e["strain"] for e in motion.energies]), motion.momenta[:, 2]
     change = max(np.max(np.abs(total / total[0] - 1.0)), np.max(np.abs(momentum / momentum[0] - 1.0)))
@@ -111,7 +111,7 @@ def spun(element: str, solver: str, turns: float) -> tuple[float, list[str]]:
 
 
 def steadies(turns: float) -> str:
-    """Return the table of rods that begin in steady rotation."""
+    """Return the table of rods in steady rotation."""
     rows = []
     for element, solver in WAYS:
         change, steps, seconds = steady(element, solver, turns)
@@ -120,7 +120,7 @@ def steadies(turns: float) -> str:
 
 
 def turned_strain(element: str, turns: float) -> float:
-    """Return the strain that a unit rod of four elements, turned rigidly, would have in tension with its energy.
+    """Return the tensile strain with the energy of a unit rod of four elements after a rigid rotation.
 
     Its digits are those of positions and angles: about 2^-53 of them over the length of an element.
     """

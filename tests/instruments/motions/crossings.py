@@ -1,4 +1,4 @@
-"""Forces and masses that cross a simply supported beam, beside series: how large its deflection becomes, and when.
+"""Forces and masses that cross a simply supported beam, compared with series: largest deflection, and when.
 
 The beam has unit length, bending stiffness and mass per length. At the critical speed, pi, a crossing takes half the
 period of the first mode.
@@ -23,7 +23,7 @@ MASSES = ((0.2, 0.5), (0.6, 1.0), (1.0, 0.5), (2.0, 0.5))
 
 
 def bridge(speed: float, count: int = 12, tolerance: float = 1e-6, **more: Any) -> dict[str, Any]:
-    """Return the case of a slender beam that is crossed once at a share of the critical speed."""
+    """Return the case of a slender beam that is crossed at a given share of the critical speed."""
     return {"bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
                                 "section": {"EA": 1e4, "kGA": 1e6, "EI": 1, "rhoA": 1, "rhoI": 0},
                                 "element": {"type": "cable", "count": count}}},
@@ -33,7 +33,7 @@ def bridge(speed: float, count: int = 12, tolerance: float = 1e-6, **more: Any) 
 
 
 def along(speed: float) -> dict[str, Any]:
-    """Return the place of what crosses the beam."""
+    """Return the position of the load on the beam."""
     return {"on": "beam", "s": {"type": "expression", "value": f"{speed * CRITICAL!r}*t"}}
 
 
@@ -43,7 +43,7 @@ def under_force(speed: float, force: float, count: int = 20) -> dict[str, Any]:
 
 
 def under_mass(speed: float, mass: float, g: float, count: int = 16) -> dict[str, Any]:
-    """Return the case of a mass [kg] that crosses the beam, whose own weight is carried otherwise."""
+    """Return the case of a mass [kg] that crosses the beam; the weight of the beam is left out."""
     return bridge(speed, count, masses=[{"at": along(speed), "mass": mass}],
                   loads=[{"type": "gravity", "value": [0, -g]}, {"type": "distributed", "on": "beam", "value": [0, g]}])
 
@@ -61,7 +61,7 @@ def moving_force(speed: float, x: float, t: Array, force: float, modes: int = 60
 
 
 def moving_mass(speed: float, mass: float, t: Array, modes: int = 8) -> Array:
-    """Return the deflection of the middle, for g = 1, under a mass that crosses: M q'' + C q' + K q = m g, by modes."""
+    """Return the deflection of the middle, for g = 1, under a crossing mass: M q'' + C q' + K q = m g, by modes."""
     v, k = speed * CRITICAL, math.pi * np.arange(1, modes + 1)
 
     def rates(t: float, y: Array) -> Array:
@@ -75,7 +75,7 @@ def moving_mass(speed: float, mass: float, t: Array, modes: int = 8) -> Array:
 
 
 def peak(t: Array, deflection: Array, static: float) -> tuple[float, float]:
-    """Return the largest deflection beside the static one, and the share of the way at which it comes."""
+    """Return the largest deflection over the static one, and the share of the crossing at which it occurs."""
     k = int(np.argmax(deflection / static))
     factor, at = float(deflection[k] / static), float(t[k])
     if 0 < k < len(t) - 1:
@@ -87,7 +87,7 @@ def peak(t: Array, deflection: Array, static: float) -> tuple[float, float]:
 
 
 def first_term(speed: float) -> float:
-    """Return the peak factor of the first term of the series of forces, where it comes during the crossing."""
+    """Return the peak factor of the first term of the series for forces, if it occurs during the crossing."""
     a = speed
     if a == 1.0:
         return 0.5 * math.pi * 96 / math.pi**4
@@ -114,7 +114,7 @@ def report() -> str:
 
 
 def row(head: list[str], t: Array, wanted: Array, found: Array, static: float) -> list[str]:
-    """Return a row of the table: peaks, where they are, and how far the courses differ, of the largest deflection."""
+    """Return a row of the table: peaks, positions, and the difference of the curves over the largest deflection."""
     (factor, at), (ours, ours_at) = (peak(t, y, static) for y in (wanted, found))
     off = float(np.abs(found - wanted).max() / np.abs(wanted).max())
     return [*head, f"{factor:.4f}", f"{ours:.4f}", f"{at:.3f}", f"{ours_at:.3f}", small(off)]

@@ -1,4 +1,4 @@
-"""How far the estimated errors of time steps are from the true ones, over motions, methods and step lengths."""
+"""Estimated and true errors of time steps, over motions, methods and step lengths."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def run(name: str, **solver: Any) -> Motion:
 
 
 def ratios(name: str, method: str) -> Iterator[tuple[bool, float]]:
-    """Yield of each run of a case whether its steps are fixed, and the estimate over the true error."""
+    """Yield, for each run of a case, whether its steps are fixed, and the estimate over the true error."""
     true = run(name, method="radau9", tolerance="1.0e-12", estimate=False)
     for fixed, values in ((True, STEPS[method]), (False, TOLERANCES)):
         for value in values:

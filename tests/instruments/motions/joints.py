@@ -1,4 +1,4 @@
-"""How well joints and supports hold in motion: by the solver's own account, and by the places of probes."""
+"""Violations of joints and supports in motion: from the solver's log, and from the positions of probes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BAR = "{{geometry: {{type: line, start: {start}, end: {end}}}, element: {{type: 
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint in a scene: bodies, what holds them, probes, and what probes say of its violation [m or rad]."""
+    """A joint in a scene: bodies, constraints, probes, and its violation from the probes [m or rad]."""
 
     name: str
     bodies: dict[str, str]
@@ -31,7 +31,7 @@ class Joint:
 
 
 def rod(element: str, start: list[float], end: list[float], E: float = 2e7) -> str:
-    """Return a rod as YAML; one that is soft unless said otherwise."""
+    """Return a rod as YAML, soft by default."""
     return ROD.format(element=element, start=start, end=end, E=E)
 
 
@@ -99,7 +99,7 @@ JOINTS = (
 
 
 def hold(joint: Joint, solver: str) -> tuple[float, float | None]:
-    """Return the largest violation by the log of all steps, and by probes at stored states over the scene's size."""
+    """Return the largest violation in the log of all steps, and at probes of stored states over the scene's size."""
     bodies = "\n".join(f"  {name}: {text}" for name, text in joint.bodies.items())
     probes = ", ".join(f"{name}: {at}" for name, at in joint.probes.items())
     motion = follow(case(f"bodies:\n{bodies}\n{joint.more}loads: [{{type: gravity, value: [0, -9.81]}}]\n"

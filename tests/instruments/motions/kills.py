@@ -1,4 +1,4 @@
-"""Runs that are killed at random moments, and go on: what they leave is readable, what they end with the same bits."""
+"""Runs killed at random moments and resumed: files are readable, and the final bits the same."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ EARLY, START, WITHIN = 0.2, 3.0, 1.2
 
 @dataclass
 class Found:
-    """What was seen: kills, by what they left; runs that ended, and those of them with other bits."""
+    """Counts of kills by what they left, of runs that ended, and of those with other bits."""
 
     absent: int = 0
     readable: int = 0
@@ -45,12 +45,12 @@ class Found:
 
     @property
     def kills(self) -> int:
-        """How often a run was killed."""
+        """Number of kills."""
         return self.absent + self.readable + len(self.damaged)
 
 
 def bits(path: Path) -> list[bytes]:
-    """Return all that was computed, bit for bit."""
+    """Return all computed numbers, bit for bit."""
     with open_results(path) as r:
         out = [r.t.tobytes(), *(r.d(i).tobytes() for i in range(r.nt)), *(r.v(i).tobytes() for i in range(r.nt))]
         return out + [t[name].tobytes() for t in (r.history, r.energies, r.probes["tip"]) for name in t]
@@ -83,7 +83,7 @@ def _wait(process: subprocess.Popen[bytes], folder: Path, chance: random.Random)
 
 
 def _look(folder: Path, found: Found) -> None:
-    """Note what a killed run has left, and read every state of it."""
+    """Record what a killed run has left, and read every state of it."""
     part = part_path(folder / "rod.h5")
     if not part.exists():
         found.absent += 1
@@ -99,14 +99,14 @@ def _look(folder: Path, found: Found) -> None:
 
 
 def _ended(folder: Path, whole: list[bytes], found: Found) -> None:
-    """Compare a run that came to its end with the one that nothing interrupted, and make room for the next."""
+    """Compare a finished run with the uninterrupted one, and make room for the next."""
     found.ended += 1
     found.other += bits(folder / "rod.h5") != whole
     (folder / "rod.h5").unlink()
 
 
 def kill(count: int, seed: int = 1) -> Found:
-    """Kill runs ``count`` times; each goes on from what the last left. Raises RuntimeError where a run fails."""
+    """Kill runs ``count`` times; each resumes what the last one left. Raises RuntimeError if a run fails."""
     chance, found = random.Random(seed), Found()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

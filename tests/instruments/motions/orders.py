@@ -1,4 +1,4 @@
-"""The order in time that every integrator of ancf2d's own shows: smooth motions, with constraints and driven ones."""
+"""Order in time of every integrator of ancf2d's own: smooth motions, with constraints and driven ones."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ancf2d.elements.shape import Array
 from ancf2d.kernels.motion.advance import INSIDE
 from ancf2d.model.build import build_model
 from ancf2d.solvers.motion.initial import initial_motion
-from ancf2d.solvers.motion.methods import Method
+from ancf2d.solvers.motion.own_integrators import Method
 from ancf2d.solvers.motion.problem import make_problem
 from ancf2d.solvers.motion.stepping import Stepper
 from scripts.pages import small, table

@@ -1,4 +1,4 @@
-"""Motions of cases, with what is measured of them on the way; tables of what was found."""
+"""Motions of cases with measurements on the way, and tables of the results."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.elements.shape import Array
 from ancf2d.model.model import Model
 from ancf2d.solvers.energy import Energies
-from ancf2d.solvers.post import Observer
 from ancf2d.solvers.state import State
+from ancf2d.solvers.state_results import Observer
 from ancf2d.study.record import Progress
 from ancf2d.study.run import Outcome, run_case, vocabulary
 
 
 @dataclass
 class Motion:
-    """A motion as it was followed: times (n,), places of probes (n, 2), energies and momenta at stored states.
+    """A followed motion: times (n,), positions of probes (n, 2), energies and momenta at stored states.
 
     ``violation`` : the largest of all steps; ``outcome`` : what ``ancf2d run`` makes of it.
     """
@@ -39,7 +39,7 @@ class Motion:
         return self.outcome.summary
 
     def place(self, probe: str) -> Array:
-        """Return where a probe is (n, 2)."""
+        """Return the positions of a probe (n, 2)."""
         return np.array([[p["x"], p["y"]] for p in self.probes[probe]])
 
     def column(self, probe: str, quantity: str) -> Array:
@@ -47,7 +47,7 @@ class Motion:
         return np.array([p[quantity] for p in self.probes[probe]])
 
     def at(self, probe: str, t: float) -> Array:
-        """Return where a probe is at a stored time (2,)."""
+        """Return the position of a probe at a stored time (2,)."""
         k = int(np.argmin(np.abs(self.t - t)))
         if abs(self.t[k] - t) > 1e-9 * max(1.0, self.t[-1]):
             raise ValueError(f"no state is stored at t = {t:g}")
@@ -60,7 +60,7 @@ class Motion:
 
 @dataclass
 class _Watch:
-    """Notes what is wanted of the states as they come."""
+    """Records quantities of the states as they come."""
 
     momentum: bool
     t: list[float] = field(default_factory=list)
@@ -83,7 +83,7 @@ class _Watch:
 
 
 def follow(loaded: LoadedCase, momentum: bool = False) -> Motion:
-    """Return the motion of a dynamic case; one that failed has the states that were reached. Raises CaseError."""
+    """Return the motion of a dynamic case; a failed one has the states that were reached. Raises CaseError."""
     watch = _Watch(momentum)
     outcome = run_case(loaded, progress=Progress(built=watch.built, state=watch.state))
     names = watch.probes[0] if watch.probes else {}
@@ -92,7 +92,7 @@ def follow(loaded: LoadedCase, momentum: bool = False) -> Motion:
 
 
 def case(text: str, directory: str = "") -> LoadedCase:
-    """Return the case in a text."""
+    """Return the case of a text."""
     return load_case_text(text, vocabulary=vocabulary(), directory=directory)
 
 

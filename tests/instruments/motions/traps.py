@@ -1,4 +1,4 @@
-"""Steps that are far too long: the true error of pendulum (1) beside the estimate that the run reports."""
+"""Far too long steps: the true error of pendulum (1) and the estimate that the run reports."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ TOLD = {"steps are too large": TOO_LARGE, "no error estimate": UNKNOWN}
 
 @dataclass(frozen=True)
 class Trap:
-    """A run with long steps: its true and its estimated error, relative to what the tip moves, and what it said."""
+    """A run with long steps: its true and its estimated error, relative to the tip's displacement, and its warnings."""
 
     element: str
     method: str
@@ -50,7 +50,7 @@ class Trap:
 
     @property
     def honest(self) -> bool:
-        """Whether it failed, cut its steps, said that it has no estimate, or has one that covers the true error."""
+        """Whether it failed, cut its steps, reported that it has no estimate, or has one that covers the true error."""
         if self.code or self.cut or self.said == UNKNOWN:
             return True
         return self.estimate is not None and self.truth is not None and self.truth <= COVERS * self.estimate
@@ -62,7 +62,7 @@ def motion(element: str, count: int, solver: str) -> Motion:
 
 
 def trap(element: str, method: str, solver: str, count: int, fine: Motion) -> Trap:
-    """Return what a method makes of steps, or a tolerance, beside the fine motion of the same mesh."""
+    """Return the result of a method with given steps or tolerance, compared with the fine motion of the same mesh."""
     try:
         found = motion(element, count, f"method: {method}, {solver}")
     except CaseError as error:
@@ -77,7 +77,7 @@ def trap(element: str, method: str, solver: str, count: int, fine: Motion) -> Tr
 
 
 def traps(solvers: tuple[str, ...], count: int) -> Iterator[Trap]:
-    """Yield what all methods and types make of too long steps."""
+    """Yield the results of all methods and types with too long steps."""
     for element in ELEMENTS:
         fine = motion(element, count, "method: radau9, tolerance: 1e-9")
         for method in METHODS:
@@ -86,7 +86,7 @@ def traps(solvers: tuple[str, ...], count: int) -> Iterator[Trap]:
 
 
 def report() -> str:
-    """Return the table for dt = 0.01, and what other steps and meshes add to it."""
+    """Return the table for dt = 0.01, and further steps and meshes."""
     rows, more = [], []
     for t in traps(("dt: 0.01",), 8):
         numbers = [small(x) for x in (t.truth, t.estimate)]
@@ -106,7 +106,7 @@ def report() -> str:
 
 
 def tolerances() -> str:
-    """Return the table of what tolerances of adaptive steps bring."""
+    """Return the table of errors by tolerance of adaptive steps."""
     rows, count, wanted = [], 8, ("1e-3", "1e-4", "1e-5", "1e-6", "1e-7")
     fine = {e: motion(e, count, "method: radau9, tolerance: 1e-10") for e in ("reissner3", "vallejo")}
     for method in METHODS:

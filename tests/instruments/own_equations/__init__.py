@@ -1,1 +1,1 @@
-"""A solver for cases of beams and rigid bars that has no part of ancf2d, to compare ancf2d with."""
+"""An independent solver for cases of beams and rigid bars, for comparison with ancf2d."""

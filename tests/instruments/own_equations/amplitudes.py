@@ -1,4 +1,4 @@
-"""What amplitudes are worth: functions of time that give value, rate and acceleration."""
+"""Amplitudes as functions of time that give value, rate and acceleration."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ WORDS = {"sin": cmath.sin, "cos": cmath.cos, "exp": cmath.exp, "sqrt": cmath.sqr
 
 
 def course(spec: Any, usual: str) -> Course:
-    """Return (value, rate, acceleration) over time of an amplitude; a number is ``usual``, constant or ramp."""
+    """Return (value, rate, acceleration) of an amplitude over time; a number stands for ``usual``, constant or ramp."""
     if spec is None or isinstance(spec, int | float):
         spec = {"type": usual, "scale": 1.0 if spec is None else spec}
     scale = spec.get("scale", 1.0)
@@ -52,7 +52,7 @@ def _sine(spec: dict[str, Any]) -> Course:
 
 
 def _expression(spec: dict[str, Any]) -> Course:
-    """A polynomial in t has rates; of anything else, which is for forces alone, they are not a number."""
+    """A polynomial in t has rates; other expressions, which occur in forces only, have NaN."""
     code = compile(str(spec["value"]).replace("^", "**"), "<expression>", "eval")
     try:
         p = eval(code, WORDS, {"t": Polynomial([0.0, 1.0])}) + Polynomial([0.0])

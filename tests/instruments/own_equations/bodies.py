@@ -1,4 +1,4 @@
-"""What bodies of a case are: lines and arcs with a section."""
+"""Bodies of a case: lines and arcs with a section."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RIGID = {"type": "rigid"}
 
 @dataclass
 class Leg:
-    """A line or arc of a body: from ``start`` on, heading ``angle``, turning by ``bend`` over ``length``."""
+    """A line or arc of a body: it begins at ``start`` in direction ``angle`` and turns by ``bend`` over ``length``."""
 
     start: Array
     angle: float
@@ -30,7 +30,7 @@ class Leg:
     bend: float = 0.0
 
     def at(self, s: float) -> Array:
-        """Return the place at s in [0, 1]."""
+        """Return the position at s in [0, 1]."""
         along = self.angle + self.bend * s / 2
         chord = self.length * s * np.sinc(self.bend * s / (2 * math.pi))
         return self.start + chord * np.array([math.cos(along), math.sin(along)])
@@ -51,7 +51,7 @@ def legs(geometry: dict[str, Any]) -> list[Leg]:
 
 
 def section(body: dict[str, Any], shearless: float) -> Section:
-    """Return stiffnesses and masses per length; what does not shear has ``shearless`` times EA for kGA, and no rhoI."""
+    """Return stiffnesses and masses per length; without shear, ``shearless`` times EA is kGA and rhoI is 0."""
     given = body["section"]
     if "EA" in given:
         values = [given.get(k, 0.0) for k in ("EA", "kGA", "EI", "rhoA", "rhoI")]
@@ -69,7 +69,7 @@ def section(body: dict[str, Any], shearless: float) -> Section:
 
 @dataclass
 class Body:
-    """What a body became: its legs, and (from, to, piece) in arc length for bars, or the coordinates of a rigid one."""
+    """A body: its legs, and (from, to, piece) in arc length for bars, or the coordinates of a rigid one."""
 
     legs: list[Leg]
     pieces: list[tuple[float, float, int]] = field(default_factory=list)
@@ -82,7 +82,7 @@ class Body:
         return sum(leg.length for leg in self.legs)
 
     def where(self, s: float) -> tuple[Leg, float]:
-        """Return the leg at arclength s, and how far along it in [0, 1]."""
+        """Return the leg at arc length s, and the position along it in [0, 1]."""
         for leg in self.legs:
             if s <= leg.length * (1 + NEAR):
                 return leg, min(s / leg.length, 1.0)

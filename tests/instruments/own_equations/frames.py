@@ -1,4 +1,4 @@
-"""Random frames by ancf2d beside the own equations: linear statics, modes, large displacements."""
+"""Random frames compared with the independent equations: linear statics, modes, large displacements."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def frames(numbers: Iterable[int], solvers: tuple[str, ...] = SOLVERS) -> Iterat
 
 
 def meshed(case: dict[str, Any], solver: dict[str, Any], count: int) -> dict[str, Any]:
-    """Return a case with its solver, and so many elements on every straight or round piece."""
+    """Return a case with its solver, and so many elements on every piece."""
     case = {**copy.deepcopy(case), "solver": solver}
     for body in case["bodies"].values():
         if body["element"] != RIGID:
@@ -81,7 +81,7 @@ def meshed(case: dict[str, Any], solver: dict[str, Any], count: int) -> dict[str
 
 def _groups(case: dict[str, Any], found: dict[str, dict[str, float]],
             reactions: dict[str, dict[str, float]]) -> dict[str, Array]:
-    """Return what is compared; section forces at the ends of bodies, where they have one value."""
+    """Return the values to compare."""
     ends = [n for n, at in case["output"]["probes"].items() if at.endswith(("@0", "@1")) and "N" in found[n]]
     return {"displacements": np.array([[found[n]["ux"], found[n]["uy"]] for n in found]),
             "rotations": np.array([found[n]["theta"] for n in found]),
@@ -92,7 +92,7 @@ def _groups(case: dict[str, Any], found: dict[str, dict[str, float]],
 
 
 def _exact(case: dict[str, Any], own: State, solve: Callable[..., State]) -> dict[str, Array]:
-    """Return what a state has."""
+    """Return the values of a state."""
     def read(state: State) -> dict[str, Array]:
         return _groups(case, {n: state.probe(at) for n, at in case["output"]["probes"].items()},
                        state.scene.reactions(state.multipliers))
@@ -107,7 +107,7 @@ def _frequencies(case: dict[str, Any]) -> dict[str, Array]:
 
 def _limit(case: dict[str, Any], own: dict[str, Array],
            again: Callable[[float], dict[str, Array]]) -> dict[str, Array]:
-    """Return the values; those without shear, where elements have none, as the limit of three shear stiffnesses."""
+    """Return the values; for elements without shear, the limit of three shear stiffnesses."""
     if all(body["element"]["type"] != SHEARLESS for body in case["bodies"].values()):
         return own
     b, c = again(40.0), again(80.0)
@@ -115,7 +115,7 @@ def _limit(case: dict[str, Any], own: dict[str, Array],
 
 
 def acts_inside(case: dict[str, Any]) -> bool:
-    """Return whether anything acts on a body between its ends."""
+    """Return whether a load or constraint acts on a body between its ends."""
     keys = ("boundary_conditions", "loads", "masses")
     found: list[Any] = [item.get("at") for key in keys for item in case.get(key, ())]
     found += [p for key in ("joints", "springs") for item in case.get(key, ()) for p in item.get("between", ())]
@@ -123,7 +123,7 @@ def acts_inside(case: dict[str, Any]) -> bool:
 
 
 def contraction(case: dict[str, Any], own: State) -> float:
-    """Return by how much a continuum is another model where normal forces vary along it: (nu h/l)^2.
+    """Return the model difference of a continuum with varying normal force: (nu h/l)^2.
 
     Its sections contract by nu times the axial strain, and shear where that varies (Love 1927, art. 278).
     """
@@ -138,7 +138,7 @@ def contraction(case: dict[str, Any], own: State) -> float:
 
 
 def strain(own: State) -> float:
-    """Return by how much a continuum is another model: the largest strain on the faces of beams.
+    """Return the model difference of a continuum: the largest strain on the faces of beams.
 
     Where the reference is an arc, sections at its outer face are longer: stretch and bending are coupled by EI/R, which
     beside sqrt(EA EI) is as much as the strain of bending the beam so far (Timoshenko, Strength of Materials II, 74).

@@ -1,4 +1,4 @@
-"""Random mechanisms by ancf2d beside the own equations."""
+"""Random mechanisms compared with the independent equations."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def meshed(case: dict[str, Any], count: int, tolerance: float) -> dict[str, Any]
 
 def _groups(course: dict[str, dict[str, Array]], energies: Array, momenta: Array,
             reactions: dict[str, dict[str, float]]) -> dict[str, Array]:
-    """Return what is compared: over time at the probes, and at the end."""
+    """Return the values to compare: over time at the probes, and at the end."""
     over = {"displacements": ("ux", "uy"), "rotations": ("theta",), "velocities": ("vx", "vy"), "spins": ("omega",)}
     found = {what: np.array([[c[q] for q in names] for c in course.values()]) for what, names in over.items()}
     return {**found, "energies": energies, "linear momentum": momenta[:2], "angular momentum": momenta[2:],

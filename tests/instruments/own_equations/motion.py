@@ -1,4 +1,4 @@
-"""Motions of a scene: index reduced to one, steps by DOP853, put back onto the constraints after each of them.
+"""Motions of a scene: reduction to index one, steps by DOP853, and a projection onto the constraints after each.
 
 M x'' = F + G^T multipliers with G x'' = drive'' - (G v)_x v gives accelerations (Hairer & Wanner, Solving ODEs II,
 VII.1); what remains of rows and their rates after a step is taken away in the metric of M (the same, VII.2).
@@ -31,7 +31,7 @@ class Motion:
     multipliers: Array
 
     def course(self, at: str) -> dict[str, Array]:
-        """Return displacements, rotation and their rates of BODY@S over time."""
+        """Return displacements and rotation of BODY@S, and their rates, over time."""
         found = [self.scene.probe(at, x, v) for x, v in zip(self.x, self.v, strict=True)]
         return {k: np.array([f[k] for f in found]) for k in found[0]}
 
@@ -40,7 +40,7 @@ class Motion:
         return self.scene.energies(self.x[-1], self.v[-1])
 
     def momenta(self) -> Array:
-        """Return linear momentum and that about the origin (3,) at the end: what moving and turning all does to M v."""
+        """Return linear momentum and that about the origin (3,) at the end, by virtual rigid motions of M v."""
         scene, x = self.scene, self.x[-1]
         motions = np.zeros((3, scene.size))
         for first, n in scene.sections:
@@ -51,14 +51,14 @@ class Motion:
 
 
 class Mover:
-    """What moves a scene."""
+    """The integrator of a scene."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.n = scene, scene.size
         self.W = block_diag(*(np.linalg.inv(block) for block in scene.blocks))
 
     def gradients(self, x: Array, v: Array) -> tuple[Array, Array]:
-        """Return G at x, and (G v)_x v, which belongs to what turns."""
+        """Return G at x, and (G v)_x v, which is due to rotating coordinates."""
         G, bend = self.scene.gradients(x), np.zeros(len(self.scene.rows))
         z = x + 1j * TINY * v
         for k in self.scene.curved:
@@ -67,7 +67,7 @@ class Mover:
         return G, bend
 
     def drives(self, t: float) -> Array:
-        """Return values, rates and accelerations (3, rows) of what is prescribed."""
+        """Return values, rates and accelerations (3, rows) of prescribed motions."""
         return np.array([row.drive(t) for row in self.scene.rows]).T
 
     def accelerations(self, x: Array, v: Array, t: float) -> tuple[Array, Array]:
@@ -94,7 +94,7 @@ class Mover:
 
 
 def velocities(scene: Scene) -> Array:
-    """Return the rates that a case gives its bodies, which rows may not allow."""
+    """Return the initial rates of a case, before projection onto the rows."""
     v, initial = np.zeros(scene.size), scene.case.get("initial", {})
     for name, body in scene.bodies.items():
         own = initial.get("bodies", {}).get(name, initial)
@@ -115,7 +115,7 @@ def velocities(scene: Scene) -> Array:
 
 
 def _begun(case: dict[str, Any]) -> dict[str, Any]:
-    """Return the case of statics whose loads are those at t = 0."""
+    """Return the case of statics with the loads at t = 0."""
     loads = []
     for load in case.get("loads", []):
         now = course(load.get("amplitude"), "constant")(0.0)[0]

@@ -1,4 +1,4 @@
-"""Points that move with a section, what holds them together, and what acts between them.
+"""Points that move with a section, constraints between them, and forces between them.
 
 A section has three coordinates: a place x, y and an angle theta (of a bar's node, or of a rigid body about its centre).
 A point is carried at an arm from that place, r = (x, y) + R(theta - theta_0) arm. All functions are analytic in the
@@ -21,7 +21,7 @@ TINY = 1e-40
 
 @dataclass(frozen=True)
 class Point:
-    """A point: ``index`` of its section's coordinates (3,), the section's ``angle`` at first, ``arm`` (2,)."""
+    """A point: ``index`` of its section's coordinates (3,), the initial ``angle`` of the section, ``arm`` (2,)."""
 
     index: Array
     angle: float
@@ -32,7 +32,7 @@ class Point:
         return x[self.index[2]] - self.angle
 
     def reach(self, x: Array) -> Array:
-        """Return the arm as it is turned (2,)."""
+        """Return the rotated arm (2,)."""
         c, s, (a, b) = np.cos(self.turn(x)), np.sin(self.turn(x)), self.arm
         return np.array([c * a - s * b, s * a + c * b])
 
@@ -57,7 +57,7 @@ class Row:
 
 
 def still(t: float) -> tuple[float, float, float]:
-    """What is not driven."""
+    """Return the drive of a constraint without prescribed motion."""
     return 0.0, 0.0, 0.0
 
 
@@ -67,26 +67,26 @@ def held(k: int) -> Row:
 
 
 def apart(a: Point, b: Point, n: Array, x0: Array, drive: Course = still) -> Row:
-    """Keep n . (r_a - r_b) as it is at x0, or as driven from there; n is fixed in space."""
+    """Keep n . (r_a - r_b) at its value at x0, or drive it from there; n is fixed in space."""
     first = n @ (a.place(x0) - b.place(x0))
     return Row(np.concatenate([a.index, b.index]), lambda x: n @ (a.place(x) - b.place(x)) - first,
                lambda x: np.concatenate([a.pull(x, n), b.pull(x, -n)]), drive)
 
 
 def turned(a: Point, b: Point, drive: Course = still) -> Row:
-    """Keep the rotation of a less that of b, or drive it."""
+    """Keep the difference of the rotations of a and b, or drive it."""
     return Row(np.concatenate([a.index[2:], b.index[2:]]), lambda x: a.turn(x) - b.turn(x),
                lambda x: np.array([1.0, -1.0]), drive)
 
 
 def tied(a: Point, b: Point, x0: Array, weld: bool) -> list[Row]:
-    """Keep two points together as they are at x0, and the angle between their sections where they are welded."""
+    """Keep two points together as at x0, and for a weld also the angle between their sections."""
     rows = [apart(a, b, n, x0) for n in np.eye(2)]
     return [*rows, turned(a, b)] if weld else rows
 
 
 def sliding(p: Point, b: Point, n0: Array) -> Row:
-    """Keep a point on the line through b that turns with b's section, whose normal was n0: n . (r_p - r_b) = 0."""
+    """Keep a point on the line through b with normal n0, which turns with b's section: n . (r_p - r_b) = 0."""
     normal = Point(b.index, b.angle, n0)
 
     def gradient(x: Array) -> Array:
@@ -126,7 +126,7 @@ def spring(a: Point, b: Point, k: float, c: float, length: float) -> Law:
 
 
 def torsion(a: Point, b: Point, k: float, c: float, angle: float) -> Law:
-    """Turn two sections towards each other with k (theta_b - theta_a - angle) + c of its rate."""
+    """Turn two sections towards each other with k (theta_b - theta_a - angle) + c times its rate."""
     i, j = a.index[2], b.index[2]
 
     def force(x: Array, v: Array, t: float) -> Array:
@@ -137,12 +137,12 @@ def torsion(a: Point, b: Point, k: float, c: float, angle: float) -> Law:
 
 
 def dead(a: Point, f: Array, m: float, over: Course) -> Law:
-    """A force that keeps its direction, and a moment."""
+    """A force of fixed direction, and a moment."""
     return Law(a.index, lambda x, v, t: over(t)[0] * (a.pull(x, f) + np.array([0.0, 0.0, m])))
 
 
 def follower(a: Point, f: Array, over: Course) -> Law:
-    """A force that turns with the section; f as it is in the reference."""
+    """A force that turns with the section; f is its value in the reference."""
     turning = Point(a.index, a.angle, f)
     return Law(a.index, lambda x, v, t: over(t)[0] * a.pull(x, turning.reach(x)))
 

@@ -1,4 +1,4 @@
-"""Random frames: members between random nodes, welded or pinned, held, loaded; closed loops, arcs, polylines."""
+"""Random frames: members between random nodes, welded or pinned, supported, loaded; closed loops, arcs, polylines."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STILL = 1e-9
 
 
 class Frame:
-    """A frame as it grows; ``case`` has everything but elements and solver."""
+    """A frame under construction; ``case`` has everything except elements and solver."""
 
     def __init__(self, rng: Generator) -> None:
         self.rng = rng
@@ -40,7 +40,7 @@ class Frame:
 
     @property
     def stiffness(self) -> float:
-        """Return EI/L^2 of a member in the middle of the range: the size of forces that bend."""
+        """Return EI/L^2 of a medium member, the size of forces in bending."""
         return self.E * (0.04 * self.unit) ** 4 / 12 / self.unit**2
 
     def chance(self, p: float) -> bool:
@@ -59,7 +59,7 @@ class Frame:
                              "rhoA": 1000.0 * A, "rhoI": 1000.0 * I}}][self.rng.integers(3)]
 
     def grow(self, form: str) -> None:
-        """Place nodes, and members between them."""
+        """Place nodes and members between them."""
         rng, nodes = self.rng, [np.zeros(2)]
         count = int(rng.integers(2, 6))
         while len(nodes) < count:
@@ -92,7 +92,7 @@ class Frame:
         return {"type": "line", "start": a.tolist(), "end": b.tolist()}
 
     def hold(self) -> None:
-        """Join members where they meet, and hold the frame."""
+        """Join members at their common nodes, and support the frame."""
         for ends in self.ends:
             if len(ends) > 1 and self.chance(0.25):
                 self.joints.append({"type": "pin", "between": [ends[0], ends[-1]]})
@@ -111,7 +111,7 @@ class Frame:
                 self.supports.append({"name": f"s{k}", "at": ends[0], **more})
 
     def place(self) -> str:
-        """Return a random point of a body, an end now and then."""
+        """Return a random point of a body, sometimes an end."""
         name = str(self.rng.choice(list(self.bodies)))
         return f"{name}@{self.rng.choice([0.0, 0.5, 1.0, round(self.rng.uniform(0.1, 0.9), 2)]):g}"
 
@@ -143,14 +143,14 @@ class Frame:
 
 
 def probes(case: dict[str, Any]) -> dict[str, str]:
-    """Return as probes the ends of all bodies, and every point that something acts on, which meshes have as nodes."""
+    """Return as probes the ends of all bodies, and every point with a load or constraint, which are nodes of meshes."""
     found = [f"{name}@{s}" for name in case["bodies"] for s in (0, 1)]
     found += [item["at"] for key in ("loads", "masses") for item in case[key] if "at" in item]
     return {f"p{k}": at for k, at in enumerate(dict.fromkeys(found))}
 
 
 def frame(number: int, elements: tuple[dict[str, Any], ...]) -> tuple[dict[str, Any], State, State | None]:
-    """Return a stable frame whose bodies have one of ``elements`` each, with its linear and its large displacements.
+    """Return a stable frame whose bodies have one of ``elements`` each, for linear and large displacements.
 
     Loads are such that the frame turns by 0.1 to 0.8 rad at most, and no critical point lies before them.
     """
@@ -176,7 +176,7 @@ def _drawn(rng: Generator, elements: tuple[dict[str, Any], ...]) -> dict[str, An
 
 
 def _loaded(case: dict[str, Any], turn: float) -> tuple[State, State]:
-    """Scale all loads so that the frame turns so far, or less; raise CriticalError where none will do."""
+    """Scale all loads so that the frame turns by the given angle or less; raise CriticalError if none does."""
     found = linear(case)
     bar = found.scene.bars[0][0]
     if modes(case, 1, degree=4)[0] * bar.length < 1e-4 * math.sqrt(bar.section.EA / bar.section.rhoA):

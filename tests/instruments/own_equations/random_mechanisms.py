@@ -16,7 +16,7 @@ SMOOTH = {"type": "expression", "value": f"3*(t/{SOFT})^2 - 2*(t/{SOFT})^3"}
 
 
 class Mechanism:
-    """A mechanism as it grows, about 1 m large and some seconds slow; ``case`` is its mapping."""
+    """A mechanism under construction, about 1 m large with motions of seconds; ``case`` is its mapping."""
 
     def __init__(self, rng: Generator, element: dict[str, Any]) -> None:
         self.rng, self.element = rng, element
@@ -34,7 +34,7 @@ class Mechanism:
         return bool(self.rng.random() < p)
 
     def turned(self, place: Any) -> list[float]:
-        """Return a place as the mechanism is turned in the plane."""
+        """Return a position as the mechanism is rotated in the plane."""
         return [float(v) for v in self.R @ np.array(place, float)]
 
     def bar(self, name: str, a: Any, b: Any, element: dict[str, Any] | None = None) -> None:
@@ -64,7 +64,7 @@ class Mechanism:
         return f"{self.rng.choice(list(self.case['bodies']))}@{self.rng.choice([0.0, 0.5, 0.75, 1.0]):g}"
 
     def dress(self) -> None:
-        """Add gravity, and springs, dampers, masses, loads now and then."""
+        """Add gravity, and sometimes springs, dampers, masses, loads."""
         rng, case = self.rng, self.case
         if self.chance(0.8):
             weight = {"type": "gravity", "value": self.turned((7 if self.rigid else 3) * rng.normal(size=2))}
@@ -106,14 +106,14 @@ def chain(m: Mechanism) -> None:
 
 
 def _loop(m: Mechanism) -> list[np.ndarray]:
-    """Return the four places of a four-bar that is not stretched."""
+    """Return the four positions of a four-bar away from its dead points."""
     a, angle = m.rng.uniform(0.2, 0.35), m.rng.uniform(0.6, 2.4)
     return [np.zeros(2), a * np.array([math.cos(angle), math.sin(angle)]), np.array([m.rng.uniform(0.8, 1.0),
             m.rng.uniform(0.5, 0.7)]), np.array([m.rng.uniform(0.9, 1.1), m.rng.uniform(-0.1, 0.1)])]
 
 
 def four_bar(m: Mechanism) -> None:
-    """Crank, coupler and rocker; the crank rigid, driven now and then."""
+    """Crank, coupler and rocker; the crank is rigid and sometimes driven."""
     a, b, c, d = _loop(m)
     m.bar("crank", a, b, RIGID)
     m.bar("coupler", b, c)
@@ -126,7 +126,7 @@ def four_bar(m: Mechanism) -> None:
 
 
 def slider_crank(m: Mechanism) -> None:
-    """A crank, a rod, and an end of it on a line, with a mass."""
+    """A crank, a rod, and its end on a line, with a mass."""
     a, angle = m.rng.uniform(0.15, 0.3), m.rng.uniform(-math.pi, math.pi)
     b, c = a * np.array([math.cos(angle), math.sin(angle)]), np.array([m.rng.uniform(0.7, 1.0), 0.05])
     m.bar("crank", [0, 0], b, RIGID)
@@ -139,7 +139,7 @@ def slider_crank(m: Mechanism) -> None:
 
 
 def _drive(m: Mechanism) -> None:
-    """Drive the crank by a polynomial, or let it go."""
+    """Drive the crank by a polynomial, or release it."""
     if m.chance(0.5):
         a, b = m.rng.uniform(-3, 3, 2)
         m.case["boundary_conditions"].append({
@@ -148,7 +148,7 @@ def _drive(m: Mechanism) -> None:
 
 
 def sliding(m: Mechanism) -> None:
-    """A rod whose end slides along another one, longer than it can reach."""
+    """A rod whose end slides along another rod, which is longer than the end can reach."""
     m.bar("rail", [0, 0], [1.8, 0.15], RIGID)
     m.bar("arm", [0.5, 0.8], [0.6, 0.05])
     m.pin("rail@0")
@@ -159,7 +159,7 @@ def sliding(m: Mechanism) -> None:
 
 
 def free(m: Mechanism) -> None:
-    """Two pinned rods that fly; rigid ones at velocities that the pin does not allow."""
+    """Two pinned rods in free flight; rigid ones have initial velocities that violate the pin."""
     m.bar("a", [0, 0], [0.7, 0.2])
     m.bar("b", [0.7, 0.2], [1.2, -0.4])
     m.pin("a@1", "b@0")
@@ -171,7 +171,7 @@ def free(m: Mechanism) -> None:
 
 
 def sprung(m: Mechanism) -> None:
-    """A rod that a moment has wound up against a torsion spring, by whole turns too; a force lets it swing."""
+    """A rod wound up by a moment against a torsion spring, also by whole turns; a force releases it."""
     m.bar("rod", [0, 0], [0.8, 0.1])
     m.pin("rod@0")
     k = m.rng.uniform(4, 6)

@@ -1,4 +1,4 @@
-"""The equations of a case: bars between the points where something happens, rigid bodies, and rows that join them.
+"""The equations of a case: bars between points of interest, rigid bodies, and rows that join them.
 
 The case is read by its public contract. Every piece of a beam between two stations is one spectral element of the
 geometrically exact beam; pieces, joints and supports are rows of constraints, the ground is a body that is held, a
@@ -67,7 +67,7 @@ class Scene:
         return self.size - 3
 
     def _stations(self, name: str, body: Body) -> list[float]:
-        """Return the arclengths at which something happens on a body, its ends and corners among them."""
+        """Return the arc lengths of loads and constraints on a body, including ends and corners."""
         found = [0.0, *np.cumsum([leg.length for leg in body.legs])]
 
         def look(value: Any) -> None:
@@ -235,7 +235,7 @@ class Scene:
                 self.laws.append(follower(self._point(load["at"]), np.array([c * f - s * g, s * f + c * g]), over))
 
     def _everywhere(self, value: Any) -> Array:
-        """Return x'' of a common acceleration; the ground is held and its share changes nothing but its reactions."""
+        """Return x'' of a common acceleration; on the fixed ground it changes only the reactions."""
         a = np.zeros(self.size)
         for first, n in self.sections:
             a[first:first + n], a[first + n:first + 2 * n] = value
@@ -304,7 +304,7 @@ class Scene:
     # ------------------------------------------------------------------ what is asked of a state
 
     def probe(self, at: str, x: Array, v: Array | None = None, linear: bool = False) -> dict[str, float]:
-        """Return displacement and rotation, and their rates where there are any, of BODY@S."""
+        """Return displacement, rotation and, in motion, their rates at BODY@S."""
         p = self._point(at)
         u = p.place(x) - p.place(self.x0)
         if linear:
@@ -316,7 +316,7 @@ class Scene:
         return {k: float(w) for k, w in found.items()}
 
     def section_forces(self, at: str, x: Array, elastic: Array) -> dict[str, float]:
-        """Return N, Q, M of a bar at rest at BODY@S: its elastic forces less the load on it are those at its end."""
+        """Return N, Q, M of a bar at rest at BODY@S: elastic forces minus loads at the end of a bar."""
         name, s = at.split("@")
         body = self.bodies[name]
         place = float(s) * body.length
@@ -331,7 +331,7 @@ class Scene:
         return {name: float(sign * value) for name, value in found.items()}
 
     def reactions(self, multipliers: Array) -> dict[str, dict[str, float]]:
-        """Return what supports do to the bodies."""
+        """Return the forces of supports on the bodies."""
         found = {}
         for name, rows in self.supports.items():
             force, m = np.zeros(2), 0.0

@@ -18,7 +18,7 @@ STEPS = 10
 
 @dataclass
 class State:
-    """A solved scene: coordinates, multipliers of rows, and where the axes of section forces stand."""
+    """A solved scene: coordinates, multipliers of rows, and the axes of section forces."""
 
     scene: Scene
     x: Array
@@ -40,7 +40,7 @@ class CriticalError(Exception):
 
 
 def _bordered(K: Array, G: Array) -> SuperLU:
-    """Return the factors of the matrix of equilibrium and rows together; raise CriticalError where it is singular."""
+    """Return the factors of the matrix of equilibrium and rows; raise CriticalError if it is singular."""
     zero = np.zeros((len(G), len(G)))
     try:
         return splu(csc_matrix(np.block([[K, -G.T], [G, zero]])))
@@ -49,7 +49,7 @@ def _bordered(K: Array, G: Array) -> SuperLU:
 
 
 def linear(case: dict[str, Any], **options: Any) -> State:
-    """Solve K u = F + G^T multipliers, G u = what is prescribed, at the reference."""
+    """Solve K u = F + G^T multipliers, G u = prescribed values, at the reference."""
     scene = Scene(case, usual="ramp", **options)
     K, G = scene.tangent(scene.x0, 0.0), scene.gradients(scene.x0)
     F = scene.forces(scene.x0, np.zeros(scene.size), 1.0) - scene.forces(scene.x0, np.zeros(scene.size), 0.0)
@@ -58,7 +58,7 @@ def linear(case: dict[str, Any], **options: Any) -> State:
 
 
 def large(case: dict[str, Any], steps: int = STEPS, **options: Any) -> State:
-    """Follow the equilibrium with the load by Newton's method; raise CriticalError where the path is critical."""
+    """Follow the equilibrium with the load by Newton's method; raise CriticalError if the path is critical."""
     scene = Scene(case, usual="ramp", **options)
     n, at_rest = scene.size, np.zeros(scene.size)
     x, force = scene.x0.copy(), np.zeros(len(scene.rows))

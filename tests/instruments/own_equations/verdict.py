@@ -1,4 +1,4 @@
-"""What is said of a computation beside the own equations: how far it is off, and how far its discretisation allows.
+"""The verdict on a comparison with the independent equations: the deviation, and the allowed discretisation error.
 
 Of two runs with meshes h and h/2 of elements whose order p is known, the finer one is off by their difference over
 2^p - 1 once meshes are fine enough (Richardson; Roache 1994). It is allowed three times that, and the round-off of
@@ -24,7 +24,7 @@ SAFETY, FLOOR = 3.0, 1e-7
 
 @dataclass(frozen=True)
 class Kind:
-    """Elements that bodies may have, the order at which they are known to converge, and whether as a continuum.
+    """Possible elements of bodies, their known order of convergence, and whether they are a continuum.
 
     ``sections``: mass lies in sections of some height; ``slopes``: neighbours share r_x (li: r_xy too), so that strains
     cannot jump where something acts inside a body, and converge to first order there.
@@ -44,7 +44,7 @@ class Kind:
 
 @dataclass
 class Verdict:
-    """A computation: its number, elements and subject; how far it is off, how far it may be, and in what."""
+    """A comparison: its number, elements and subject; the deviation, the allowed one, and the group of values."""
 
     number: int
     kind: str
@@ -60,18 +60,18 @@ class Verdict:
         return self.deviation <= self.allowed
 
     def as_row(self) -> dict[str, Any]:
-        """Return it as data, without its case."""
+        """Return the verdict as data, without its case."""
         return {"number": self.number, "kind": self.kind, "subject": self.subject, "what": self.what,
                 "deviation": float(self.deviation), "allowed": float(self.allowed)}
 
     def failed(self, error: Exception) -> None:
-        """Say that there is no answer."""
+        """Record that there is no solution."""
         self.deviation, self.what = np.inf, " ".join(str(error).split())[:300]
 
 
 def judge(verdict: Verdict, true: dict[str, Array], runs: list[dict[str, Array]], order: int, extent: float,
           model: float = 0.0, rough: dict[str, Array] | None = None) -> None:
-    """Fill in a verdict by the group of values that is worst, relative to the largest of its kind.
+    """Set the verdict by the worst group of values, relative to the largest of its kind.
 
     Groups of one kind end alike ("section forces", "reaction forces"); forces are measured by moments over the
     scene's ``extent`` too, where these are larger. ``model``: by how much models differ; ``rough``: what is true, less

@@ -1,4 +1,4 @@
-"""Beams and bodies that touch something: closed forms and shooting solutions, without finite elements.
+"""Beams and bodies in contact: closed forms and shooting solutions, without finite elements.
 
 Beams are thin and inextensible where no stiffnesses are asked for: theta' = kappa_0 + M/EI along the arclength s
 (the elastica). Without friction an obstacle pushes along its normal alone. Where such a beam lies on an obstacle it
@@ -23,7 +23,7 @@ from instruments.references.statics import Array, Beam, march, shoot
 
 @dataclass(frozen=True)
 class Wrapped:
-    """A strip on a drum: the angle up to which it lies there, its tip, the drum's pressure and force at lift-off."""
+    """A strip on a drum: the angle at which it lifts off, its tip, and the drum's pressure and force at lift-off."""
 
     angle: float
     tip: Array
@@ -32,7 +32,7 @@ class Wrapped:
 
 
 def strip_on_drum(EI: float, length: float, radius: float, force: float) -> Wrapped:
-    """Return how a strip lies that is clamped on top of a drum, along x, and is pulled down at its tip by a dead force.
+    """Return the shape of a strip that is clamped on top of a drum, along x, with a dead force down at its tip.
 
     ``radius`` is that of the strip's axis on the drum. It lies on the drum up to the angle where EI/radius is the
     moment of the force, EI/(2 radius^2) = force (sin(tip) - sin(angle)), with tension force * sin(angle) and shear
@@ -102,12 +102,12 @@ QUARTER_HEIGHT = 1.1981402347355923
 
 
 def ring_flattens(EI: float, radius: float) -> float:
-    """Return the force at which a thin ring between two flat plates begins to lie flat on them."""
+    """Return the force at which a thin ring between two flat plates begins to flatten."""
     return EI * (2.0 * QUARTER_LENGTH / (math.pi * radius)) ** 2
 
 
 def ring_between_plates(EI: float, radius: float, force: float) -> tuple[float, float]:
-    """Return the distance of two flat plates that a force presses onto a thin ring, and the length that lies flat.
+    """Return the distance of two flat plates pressed onto a thin ring by a force, and the flat length.
 
     A quarter of the ring carries force/2 without a horizontal force: EI kappa^2/2 = EI kappa_0^2/2 + force/2
     sin(theta), kappa_0 at the plate, where it is positive at a point contact and 0 where the ring lies flat.
@@ -148,7 +148,7 @@ def on_knife_edges(EI: float, half_span: float, angle: float, radius: float = 0.
 
 
 def most_on_knife_edges(EI: float, half_span: float) -> tuple[float, float]:
-    """Return the largest force that a thin beam on knife edges carries, and its sag there."""
+    """Return the largest force that a thin beam on knife edges can carry, and its sag there."""
     low, high = 0.2, 1.4
     golden = 0.5 * (math.sqrt(5.0) - 1.0)
     for _ in range(90):
@@ -161,7 +161,7 @@ def most_on_knife_edges(EI: float, half_span: float) -> tuple[float, float]:
 
 
 def lifted_from_floor(EI: float, weight: float, height: float) -> tuple[float, float]:
-    """Return the length that a heavy beam on a floor lifts off, and the force, where one end is raised a little.
+    """Return the length that a heavy beam lifts off a floor, and the force, for a small rise of one end.
 
     ``weight`` is that per length. At the lift-off nothing bends the beam: weight length^4/24 EI = height, force =
     weight length/2.
@@ -190,7 +190,7 @@ def lifted_far(EI: float, weight: float, force: float) -> tuple[float, Array]:
 
 
 def between_walls(EI: float, length: float, gap: float, force: float) -> tuple[str, float]:
-    """Return the stage of a thin clamped beam between walls ``gap`` from it, and how far its end moves in.
+    """Return the stage of a thin clamped beam between walls at a distance ``gap``, and its end shortening.
 
     For small slopes (Domokos, Holmes & Royce 1997). With l = 2 pi sqrt(EI/force): straight while
     length < l, then one wave of height gap that touches the wall at a point until length = 2 l, and lies on it between
@@ -219,17 +219,17 @@ def _half_wave(a: float, gap: float, k: float) -> float:
 
 
 def capstan(tension: float, mu: float, angle: float) -> float:
-    """Return the force that a rope on a drum can hold back by ``tension`` over an angle of contact (Euler)."""
+    """Return the force that ``tension`` can hold by a rope on a drum over an angle of contact (Euler)."""
     return tension * math.exp(mu * angle)
 
 
 def on_incline(angle: float, mu: float, g: float, t: float) -> float:
-    """Return how far a block has slid from rest down a slope."""
+    """Return the distance that a block has slid from rest down a slope."""
     return 0.5 * max(math.sin(angle) - mu * math.cos(angle), 0.0) * g * t * t
 
 
 def rolls_down(angle: float, mu: float, g: float, t: float, inertia: float) -> tuple[float, float]:
-    """Return how far a disc has come down a slope from rest, and the angle [rad] that it has turned times its radius.
+    """Return the distance of a disc rolling down a slope from rest, and its rotation [rad] times its radius.
 
     ``inertia`` is that over mass and radius squared: 1/2 of a disc, 1 of a ring. It rolls while tan(angle) <=
     mu (1 + 1/inertia), and else slides, too.
@@ -241,7 +241,7 @@ def rolls_down(angle: float, mu: float, g: float, t: float, inertia: float) -> t
 
 
 def bowled(v: float, mu: float, g: float, inertia: float) -> tuple[float, float]:
-    """Return when a disc that is set down sliding without turning begins to roll, and its velocity from then on."""
+    """Return when a disc that starts sliding without rotation begins to roll, and its velocity from then on."""
     rolling = v / (1.0 + inertia)
     return (v - rolling) / (mu * g), rolling
 
@@ -261,7 +261,7 @@ def bar_against_wall(EA: float, rhoA: float, length: float, v: float) -> tuple[f
 
 def bar_against_layer(EA: float, rhoA: float, length: float, v: float, stiffness: float, t: float
                       ) -> tuple[float, float]:
-    """Return force and impulse of an elastic layer before a wall on a bar that came to touch it a time t ago.
+    """Return force and impulse of an elastic layer before a wall on a bar, at a time t after first touch.
 
     With y = force/(Z v), Z = EA/c, tau = Z/stiffness and s = t/tau, the end moves by the wave that comes in less y:
     y' = 1 - y during one passage of the bar and back, and y' = 1 - y - 2 y(t - 2 length/c) thereafter (d'Alembert),
@@ -289,7 +289,7 @@ def far_end_of_bar(EA: float, rhoA: float, length: float, v: float, t: float) ->
 
 
 def bounces(height: float, restitution: float, g: float, count: int) -> tuple[list[float], list[float]]:
-    """Return the times of the first impacts of a body dropped from a height, and how high it rises after each."""
+    """Return the times of the first impacts of a body dropped from a height, and its height after each."""
     t = math.sqrt(2.0 * height / g)
     times, heights, speed = [t], [], g * t
     for _ in range(count):
@@ -301,7 +301,7 @@ def bounces(height: float, restitution: float, g: float, count: int) -> tuple[li
 
 def struck_with_friction(mass: float, inertia: float, arm: Array, motion: Array, friction: float, restitution: float
                          ) -> Array:
-    """Return (vx, vy, omega) of a rigid body behind an impact on a floor along x, from those before it.
+    """Return (vx, vy, omega) of a rigid body after an impact on a floor along x, from those before it.
 
     ``arm`` (2,) leads from its centre of mass to the point that hits. The impulse across the floor gives its velocity
     there back times ``restitution``; that of friction stops the point, or is Coulomb's limit against its way behind the
@@ -320,7 +320,7 @@ def struck_with_friction(mass: float, inertia: float, arm: Array, motion: Array,
 
 
 def struck_rod(mass: float, inertia: float, arm: float, v: float, restitution: float) -> tuple[float, float, float]:
-    """Return (velocity, rate of turning, impulse) after a rod that falls flat with v hits a stop.
+    """Return (velocity, rate of rotation, impulse) after a rod that falls flat with v hits a stop.
 
     The stop is at ``arm`` to the right of its middle. Velocities are upwards and counter-clockwise: v' = -v + p/m,
     omega' = p arm/I, and the point that hits leaves with restitution * v.

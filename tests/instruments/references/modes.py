@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 
 def roots(f: Callable[[float], float], low: float, high: float, count: int, steps: int = 4000) -> list[float]:
-    """Return the first sign changes of f between low and high that are no poles."""
+    """Return the first sign changes of f between low and high that are not poles."""
     x = np.linspace(low, high, steps)
     y = np.array([f(v) for v in x])
     found = []

@@ -1,4 +1,4 @@
-"""The motions that ``cases/dynamic`` expects, by spectral elements (see spectral_bars), without any part of ancf2d."""
+"""The motions that ``cases/dynamic`` expects, by spectral elements (see spectral_bars), independent of ancf2d."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def pendulum_1(times: Sequence[float], count: int = 2, h: float = 1e-3) -> Array
 
 
 def pendulum_1_euler_bernoulli(times: Sequence[float], count: int = 2, h: float = 1e-3) -> Array:
-    """Return the tip of the paper's first pendulum with hardly any shear strain and rotary inertia."""
+    """Return the tip of the paper's first pendulum with negligible shear strain and rotary inertia."""
     section = rectangle(2.07e11, 0.3, 2766.67, 0.008, 0.03125)
     return pendulum(replace(section, kGA=1e3 * section.kGA, rhoI=1e-3 * section.rhoI), 1.8, times, count, h)
 

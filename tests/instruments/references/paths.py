@@ -17,7 +17,7 @@ from instruments.references.statics import Array, Beam, march, rectangle
 
 
 def fold(f: Callable[[Array, float], Array], q: Sequence[float], P: float) -> tuple[Array, float]:
-    """Return (q, P) where f(q, P) = 0 turns back in P. Raises ValueError where none is found near the guess.
+    """Return (q, P) where f(q, P) = 0 turns back in P. Raises ValueError if none is found near the guess.
 
     q and P must be scaled to the order of 1.
     """

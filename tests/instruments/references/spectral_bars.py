@@ -1,4 +1,4 @@
-"""Motions of flexible mechanisms by spectral elements of the geometrically exact beam, without any part of ancf2d.
+"""Motions of flexible mechanisms by spectral elements of the geometrically exact beam, independent of ancf2d.
 
 A bar has its axis r(s) and its section's angle theta(s) (Reissner 1972; Simo & Vu-Quoc 1986), interpolated by Lagrange
 polynomials of a high degree through Gauss-Lobatto points; strains are integrated with one Gauss point less than
@@ -104,7 +104,7 @@ class Bar:
         return np.concatenate([np.zeros(n), -g * self.section.rhoA * self.N @ np.ones(n), np.zeros(n)])
 
     def strains(self, x: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return cosine and sine of theta, stretch along and across the section's normal, and curvature."""
+        """Return cosine and sine of theta, strains along and across the section's normal, and curvature."""
         n, P, D = self.n, self.P, self.D
         rx, ry, theta, kappa = D @ x[:n], D @ x[n:2 * n], P @ x[2 * n:], D @ x[2 * n:] - self.curvature
         c, z = np.cos(theta), np.sin(theta)
@@ -143,7 +143,7 @@ class Bar:
 
 @dataclass
 class Crank:
-    """A rigid bar about a fixed pivot whose tip leads a node: inertia about the pivot, static moment m c."""
+    """A rigid bar about a fixed pivot whose tip drives a node: inertia about the pivot, static moment m c."""
 
     pivot: Sequence[float]
     length: float
@@ -154,7 +154,7 @@ class Crank:
 
 @dataclass
 class Mechanism:
-    """Bars, cranks and what ties their coordinates together.
+    """Bars, cranks and the constraints between their coordinates.
 
     ``ties``: pairs of coordinates that are one; ``held``: coordinates that stay; ``led``: (coordinate of x, coordinate
     of y, crank); ``turned``: (coordinate theta, crank) that turn together. A coordinate is (bar, "x" | "y" | "theta",
@@ -200,7 +200,7 @@ class Mechanism:
         return int(self.offset[bar]) + COORDINATES.index(what) * n + node % n
 
     def place(self, q: Array, v: Array, t: float) -> tuple[Array, Array, Array, Array, Array]:
-        """Return x, B, b, and angles and rates of all cranks; b is complete where the acceleration is prescribed."""
+        """Return x, B, b, and angles and rates of all cranks; b is complete if the acceleration is prescribed."""
         k = len(self.moving)
         angle, rate, acceleration = np.array([[c.angle, 0.0, 0.0] for c in self.cranks]).reshape(-1, 3).T.copy()
         if self.drive is not None:
@@ -291,5 +291,5 @@ def pin(a: tuple[int, int], b: tuple[int, int]) -> list[tuple]:
 
 
 def hold(bar: int, node: int, what: str = "xy") -> list[tuple]:
-    """Return coordinates that stay."""
+    """Return the fixed coordinates."""
     return [(bar, c, node) for c in what]

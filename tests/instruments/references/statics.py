@@ -56,7 +56,7 @@ def march(beam: Beam, z: Sequence[float], F: Array, length: float, kappa_0: floa
 
 
 def shoot(residual: Callable[[Array], Array], guess: Sequence[float]) -> Array:
-    """Return the unknown end values for which the residual vanishes. Raises ValueError where none are found."""
+    """Return the unknown end values for which the residual vanishes. Raises ValueError if none are found."""
     found = root(residual, guess, tol=1e-13)
     if np.max(np.abs(residual(found.x))) > 1e-9:
         raise ValueError(f"shooting did not converge: {found.message}")

@@ -1,1 +1,1 @@
-"""Random valid scenes, transformations that must not matter, and checks of what ancf2d answers to both."""
+"""Random valid scenes, transformations that must not change the result, and checks of the results."""

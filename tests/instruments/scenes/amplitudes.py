@@ -1,4 +1,4 @@
-"""Amplitudes: random ones, their values, and how they look on another scale of time."""
+"""Amplitudes: random ones, their values, and the same on another time scale."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def scaled(amplitude: Data | float, by: float) -> Data | float:
 
 
 def value(amplitude: Data | float | None, t: float, static: bool) -> float:
-    """Return the value of an amplitude; where there is none, that of the default."""
+    """Return the value of an amplitude, or of the default without one."""
     if isinstance(amplitude, int | float):
         return amplitude
     if amplitude is not None and amplitude.get("smooth") and t not in amplitude["t"]:

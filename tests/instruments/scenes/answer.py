@@ -1,4 +1,4 @@
-"""What ancf2d answers to a scene, as quantities that are known to transform."""
+"""The answer of ancf2d to a scene, as quantities with known transformations."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Answer:
 
 def answer(case: Data, out: str | None = None, watch: Callable[[State], None] = lambda state: None,
            **how: Any) -> Answer:
-    """Return what is answered to a case.
+    """Return the answer to a case.
 
     ``out`` names a result file to write, ``watch`` is called with each state, ``how`` goes to ``run_case``.
     """
@@ -98,7 +98,7 @@ def kind_of_message(text: str) -> str:
 
 
 def quantities(summary: Data) -> dict[tuple[str, str], Array]:
-    """Return what a summary tells as quantities."""
+    """Return the values of a summary as quantities."""
     out: dict[tuple[str, str], Array] = {}
     modes = "frequencies" in summary or "load_factors" in summary
     if "frequencies" in summary:

@@ -1,4 +1,4 @@
-"""What acts on a scene from outside, added up without the code that is examined: it must balance the reactions."""
+"""External forces on a scene, added up without the code under test: they must balance the reactions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ GAUSS = np.polynomial.legendre.leggauss(6)
 
 
 def with_acting_points(case: Data) -> Data:
-    """Return a case with a probe wherever a support, load, spring or slider acts."""
+    """Return a case with a probe at every support, load, spring and slider."""
     probes = dict(case["output"]["probes"])
     for p in acting_points(case):
         probes[probe_of(p)] = p
@@ -30,7 +30,7 @@ def with_acting_points(case: Data) -> Data:
 
 
 def acting_points(case: Data) -> list[str]:
-    """Return the points at which something acts from outside."""
+    """Return the points at which external forces act."""
     found = [item["at"] for key in ("boundary_conditions", "loads", "joints", "masses") for item in case.get(key, ())
              if "at" in item]
     return found + [p for s in case.get("springs", ()) for p in s["between"] if isinstance(p, str)]
@@ -42,7 +42,7 @@ def probe_of(p: str) -> str:
 
 
 class Resultant:
-    """Forces and moments about the origin that act on a solved static scene from outside."""
+    """External forces and moments about the origin on a solved static scene."""
 
     def __init__(self, found: Answer) -> None:
         self.case, self.found = found.case, found
@@ -77,17 +77,17 @@ class Resultant:
         return float(self.found.model.extent)
 
     def probe(self, p: str) -> Data:
-        """Return what is known of a point."""
+        """Return the values of the probe at a point."""
         found: Data = self.found.summary["probes"][probe_of(p)]
         return found
 
     def place(self, p: str) -> Array:
-        """Return where a point is: in linear theory, in the reference."""
+        """Return the position of a point: in linear theory, in the reference."""
         q = self.probe(p)
         return np.array([q["x"], q["y"]]) - (np.array([q["ux"], q["uy"]]) if self.linear else 0.0)
 
     def reactions(self) -> None:
-        """Add what supports do."""
+        """Add the forces of supports."""
         for support in self.case.get("boundary_conditions", ()):
             r = self.found.summary["reactions"][support["name"]]
             self.add(np.array([r["fx"], r["fy"]]), self.place(support["at"]), r["m"])
@@ -148,7 +148,7 @@ class Resultant:
             self.add(mass["mass"] * g, self.place(mass["at"]))
 
     def along(self, name: str, a: float, b: float) -> Any:
-        """Yield places along a body from S = a to b, and the share of S that each stands for."""
+        """Yield positions along a body from S = a to b, with their shares of S."""
         mesh, state = self.model.meshes[name], self.found.state
         assert state is not None
         plan = mesh.plan
@@ -165,7 +165,7 @@ class Resultant:
     # ------------------------------------------------------------------ springs
 
     def spring(self, spring: Data) -> None:
-        """Add what a spring from the ground does."""
+        """Add the force of a spring from the ground."""
         ends = spring["between"]
         if self.linear and self.pulls(spring):
             # its stiffness turns a force, or moves a moment, that is there before: about the reference, moments then
@@ -200,7 +200,7 @@ class Resultant:
     # ------------------------------------------------------------------ what is left
 
     def left(self) -> Array:
-        """Return what is left of force and, where it is known, moment over the scene's size, sliders aside."""
+        """Return the remaining force and, if known, moment over the scene's size, without sliders."""
         sliders = [j for j in self.case.get("joints", ()) if j["type"] == "slider"]
         columns = []
         for joint in sliders:

@@ -26,7 +26,7 @@ def type_of(spec: Data) -> ElementType:
 
 
 class Assembly:
-    """Bodies and their joints while they are made; what is added to them is scaled by their stiffness and period."""
+    """Bodies and their joints under construction; additions are scaled by their stiffness and period."""
 
     def __init__(self, rng: random.Random, kind: str) -> None:
         self.rng, self.kind = rng, kind
@@ -69,7 +69,7 @@ class Assembly:
     # ------------------------------------------------------------------ bodies and joints
 
     def add_body(self, name: str) -> None:
-        """Add a body, mostly from a point of one that is there."""
+        """Add a body, mostly from a point of an existing one."""
         bodies, anchor = self.case["bodies"], None
         self.cluster[name] = name
         if bodies and self.chance(0.9):
@@ -146,7 +146,7 @@ class Assembly:
         return {"points": [(np.array(start) + p - loop[0]).tolist() for p in loop], "closed": True}
 
     def close(self, name: str, anchor: str | None) -> None:
-        """Let a straight body end at a point of another one, sometimes."""
+        """Sometimes let a straight body end at a point of another one."""
         bodies = self.case["bodies"]
         geometry, others = bodies[name]["geometry"], [n for n in bodies if n != name]
         if geometry["type"] != "line" or len(others) < 2 or not self.chance(0.3):
@@ -158,7 +158,7 @@ class Assembly:
             self.join(target, at(name, 1.0))
 
     def join(self, old: str, new: str) -> None:
-        """Join two points that are at the same place."""
+        """Join two points at the same position."""
         kind, joints = self.rng.choices(("weld", "pin", "prismatic", None), (6, 4, 2, 0.1))[0], self.case["joints"]
         target = old.split("@")[0]
         if kind == "prismatic":
@@ -179,7 +179,7 @@ class Assembly:
             joints[-1].setdefault("name", f"joint{len(joints)}")
 
     def merge(self, one: str, other: str) -> None:
-        """Remember that two bodies turn as one."""
+        """Record that two bodies turn as one."""
         a, b = self.cluster[one], self.cluster[other]
         self.cluster = {n: a if c == b else c for n, c in self.cluster.items()}
 
@@ -222,7 +222,7 @@ class Assembly:
         return {**matter, "element": spec}
 
     def rigid(self, name: str) -> Data:
-        """Return a rigid body's element, with mass and inertia of its own sometimes."""
+        """Return a rigid body's element, sometimes with its own mass and inertia."""
         spec: Data = {"type": "rigid"}
         if self.chance(0.5):
             matter = self.matter()
@@ -259,7 +259,7 @@ class Assembly:
                             **({"rhoI": rho * I} if self.chance(0.6) else {})}}
 
     def profile(self, value: float) -> Data:
-        """Return a table along the body, of straight lines with a kink or a jump sometimes."""
+        """Return a table along the body, of straight lines and sometimes a kink or a jump."""
         a, b, c = (value * self.rng.uniform(0.7, 1.3) for _ in range(3))
         return self.rng.choice(({"s": [0.0, 1.0], "value": [a, b]}, {"s": [0.0, 0.5, 1.0], "value": [a, c, b]},
                                 {"s": [0.0, 0.5, 0.5, 1.0], "value": [a, a, c, b]}))

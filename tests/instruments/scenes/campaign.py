@@ -1,4 +1,4 @@
-"""Random scenes examined, and what came of them."""
+"""Random scenes, examined, and the outcomes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PATIENCE = 300.0
 
 @dataclass
 class Record:
-    """What came of one scene: for each check its outcome, and what was violated."""
+    """The outcome of one scene: of each check, and the violations."""
 
     number: int
     solver: str
@@ -42,16 +42,16 @@ class Record:
 
 
 class TooLongError(BaseException):
-    """A scene that takes longer than its patience; not what ancf2d answers, and so no ``Exception``."""
+    """A scene that takes longer than its time limit; not an answer of ancf2d, so not an ``Exception``."""
 
 
 def too_long(number: int, frame: FrameType | None) -> None:
-    """Give up."""
+    """Raise TooLongError."""
     raise TooLongError
 
 
 def outcome(item: Scene, check: Check) -> tuple[str, str]:
-    """Return what a check found in a word, and what is wrong: '' unless the word is violated."""
+    """Return the outcome of a check in a word, and the violation, '' unless the word is violated."""
     try:
         found = item.find(check)
     except UnfitError:
@@ -123,7 +123,7 @@ OFTEN = 5
 
 
 def report(rows: list[dict[str, Any]]) -> str:
-    """Return the tables of what came of scenes (records as data): outcomes, and the reasons of refusals."""
+    """Return the tables of outcomes of scenes (records as data), and of the reasons of refusals."""
     records = [Record(**row) for row in rows]
     head = ["invariance", "solver", "held", "announced", "refused", "ill-conditioned", "not applicable", "violated"]
     refused = refusals(records)

@@ -1,4 +1,4 @@
-"""The table of what is checked of a scene: each check says for which solvers, and returns how far off it is."""
+"""The table of checks of a scene: each names its solvers and returns its deviation."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def other_units(scene: Scene) -> Finding:
 
 
 def elsewhere(scene: Scene) -> Finding:
-    """Turn by any angle, mirror by lot, and write it in other units and another order, all at once."""
+    """Turn by any angle, mirror at random, and write it in other units and another order, all at once."""
     rng = scene.rng
     length, force, time = (10 ** rng.uniform(-3, 3) for _ in range(3))
     to = Similarity(angle=rng.uniform(-math.pi, math.pi), mirrored=rng.random() < 0.5,
@@ -107,7 +107,7 @@ def split(scene: Scene) -> Finding:
 
 
 def section_forces_of(scene: Scene, body: str) -> Callable[[str, str], bool]:
-    """Return what tells the section forces of a body: at nodes they jump, and which side is told is a choice."""
+    """Return the names of section forces of a body: at nodes they jump, and the side is arbitrary."""
     def own(kind: str, probe: str) -> bool:
         p = scene.case["output"]["probes"].get(probe, "@0")
         return kind in ("N", "Q", "M") and (p if isinstance(p, str) else p["at"]).split("@")[0] == body
@@ -119,7 +119,7 @@ def section_forces_of(scene: Scene, body: str) -> Callable[[str, str], bool]:
 
 
 def balanced(scene: Scene) -> Finding:
-    """Loads, springs from the ground and reactions add up to nothing, with their moments."""
+    """Loads, springs from the ground and reactions add up to zero, with their moments."""
     base = scene.base
     if base.refusal:
         return refusals(base, base)
@@ -134,7 +134,7 @@ def balanced(scene: Scene) -> Finding:
 
 
 def superposed(scene: Scene) -> Finding:
-    """Linear: two parts of the loads, each with what prescribes, add up: u(A + B) = u(A) + u(B) - u(0)."""
+    """Linear: two parts of the loads, each with the prescribed values, add up: u(A + B) = u(A) + u(B) - u(0)."""
     case = scene.case
     if any("slack" in load for load in case["loads"]):
         raise UnfitError("an elastic tendon is stiff, too")
@@ -154,14 +154,14 @@ def superposed(scene: Scene) -> Finding:
 
 
 def without_size(loads: list[Data]) -> list[Data]:
-    """Return loads that do nothing."""
+    """Return the loads with value zero."""
     off = {"amplitude": {"type": "constant", "scale": 0.0}}
     none = {"moment": 0.0, "torque": 0.0}
     return [{**x, **(off if x["type"] in INNER else {"value": none.get(x["type"], [0.0, 0.0])})} for x in loads]
 
 
 def reciprocal(scene: Scene) -> Finding:
-    """Linear: what a force at one end does at another, that does as much at the first (Maxwell, Betti)."""
+    """Linear: the work of one unit load on the displacements of another is symmetric (Maxwell, Betti)."""
     base, rng, case = scene.base, scene.rng, scene.case
     if base.refusal:
         return refusals(base, base)
@@ -194,13 +194,13 @@ def unit_load(rng: random.Random, p: str, size: float, L: float) -> Data:
 
 
 def along(load: Data, found: Answer, probe: str) -> float:
-    """Return the work of a load on what a probe does."""
+    """Return the work of a load on the displacements of a probe."""
     kind = "rotation" if load["type"] == "moment" else "displacement"
     return float(np.sum(np.array(load["value"]) * found.values[kind, probe]))
 
 
 def other_steps(scene: Scene) -> Finding:
-    """Raise the load in other steps."""
+    """Apply the load in other steps."""
     laws.without_laws(scene.case)
     steps = scene.rng.choice([n for n in (1, 3, 7, 20, 40) if n != scene.case["solver"].get("steps", 10)])
     return agree(scene, answer({**scene.case, "solver": {**scene.case["solver"], "steps": steps}}))
@@ -208,7 +208,7 @@ def other_steps(scene: Scene) -> Finding:
 
 @dataclass(frozen=True)
 class Check:
-    """A check: its name, the solvers that it is for, what does it, and its weight when checks are drawn by lot.
+    """A check: its name, its solvers, its function, and its weight when checks are drawn at random.
 
     One without a weight needs no further solution, and is always tried.
     """
@@ -243,7 +243,7 @@ CHECKS = (
 
 
 def checks_for(scene: Scene) -> list[Check]:
-    """Return the checks that a scene is fit for by its solver."""
+    """Return the checks that suit the solver of a scene."""
     return [c for c in CHECKS if scene.solver in c.solvers]
 
 

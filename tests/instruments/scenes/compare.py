@@ -1,4 +1,4 @@
-"""A scene with its answer, and how an answer to the same in other words compares with it."""
+"""A scene with its answer, and comparison with the answer to an equivalent scene."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ FAILED = ("no equilibrium was found", "did not converge", "its element is invert
 
 
 def disturbed(case: Data, by: float, rng: random.Random) -> Data:
-    """Return a case whose forces, masses and rates are off by a random share of themselves, up to ``by``."""
+    """Return a case whose forces, masses and rates have random relative errors up to ``by``."""
     def off(value: Any, key: str) -> Any:
         if isinstance(value, dict):
             return {k: v if k == "amplitude" else off(v, k) for k, v in value.items()}
@@ -59,21 +59,21 @@ def disturbed(case: Data, by: float, rng: random.Random) -> Data:
 
 
 class Check(Protocol):
-    """What is checked of a scene."""
+    """The interface of a check of a scene."""
 
     @property
     def name(self) -> str:
-        """Return what the table calls it."""
+        """Return its name in the table."""
         ...
 
     @property
     def find(self) -> Callable[[Scene], Finding]:
-        """Return what does it."""
+        """Return the function of the check."""
         ...
 
 
 class Scene:
-    """A case with its answer, found once, and how far round-off may carry it."""
+    """A case with its answer, found once, and the possible effect of round-off."""
 
     def __init__(self, case: Data, seed: object = 0) -> None:
         self.case = with_acting_points(case)
@@ -81,7 +81,7 @@ class Scene:
         self.rng = random.Random()
 
     def find(self, check: Check) -> Finding:
-        """Return what a check finds; the same whatever else is checked."""
+        """Return the finding of a check, which does not depend on other checks."""
         self.rng.seed(f"{check.name} {self.seed}")
         return check.find(self)
 
@@ -109,7 +109,7 @@ class Scene:
 
     @cached_property
     def known(self) -> float:
-        """Return how far round-off, and Newton's method, may carry answers, relative to their size."""
+        """Return the error of answers due to round-off and Newton's method, relative to their size."""
         base, solver = self.base, self.case["solver"]
         if self.solver == "dynamic":
             return self.steps * STEP + solver.get("tolerance", 0.0 if "dt" in solver else 1e-6)
@@ -122,7 +122,7 @@ class Scene:
 
     @cached_property
     def growth(self) -> dict[str, float]:
-        """Return by how much each kind of quantity of a motion changes, per relative disturbance of the scene."""
+        """Return the change of each kind of quantity of a motion per relative disturbance of the scene."""
         if self.solver != "dynamic":
             return {}
         other = answer(disturbed(self.case, DISTURBED, random.Random(f"disturb {self.seed}")))
@@ -140,13 +140,13 @@ class Scene:
 
     @property
     def blunt(self) -> bool:
-        """Return whether too few digits are known for answers to be compared."""
+        """Return whether too few digits are known to compare answers."""
         grown = self.growth.get("displacement", 0.0) / extent(self.case)
         return self.known * (1.0 + grown) > BLUNT
 
     @cached_property
     def sizes(self) -> dict[str, float]:
-        """Return what each kind of quantity is measured by."""
+        """Return the scale of each kind of quantity."""
         base, L = self.base, extent(self.case)
         EA = max((stiffness(b)[0] for b in self.case["bodies"].values() if not is_rigid(b)), default=0.0)
         # where loads act on what is held, displacements are round-off of what they would do to the stiffest beam or,
@@ -181,7 +181,7 @@ class Scene:
         return out
 
     def allowed(self, kind: str, value: Any) -> Any:
-        """Return how far values of a kind may be off."""
+        """Return the allowed deviation of values of a kind."""
         if kind == "omega^2":
             positive = value[value > 0]
             return (self.known + LANCZOS) * (np.abs(value) + (positive.min() if positive.size else 0.0))
@@ -215,7 +215,7 @@ def total_load(case: Data) -> float:
 
 
 def inner_force(body: Data, load: Data) -> float:
-    """Return the force of a load within a body if the body were held at both ends."""
+    """Return the force of a load within a body if the body were fixed at both ends."""
     if load["type"] == "tendon":
         # an elastic one about as tight as it is wound up, over a length of what it runs along
         stretch = abs(load.get("slack", 0.0)) / (length(body["geometry"]) if body else 1.0)
@@ -230,7 +230,7 @@ def inner_force(body: Data, load: Data) -> float:
 
 
 def _arm(case: Data, at: str) -> float:
-    """Return the distance of the forces that a moment is: on a rigid body, a couple at the ends of a piece."""
+    """Return the lever arm of a moment: on a rigid body, that of a couple at the ends of a piece."""
     body = case["bodies"][at.split("@")[0]]
     if not is_rigid(body) or body["geometry"]["type"] != "polyline":
         return extent(case)
@@ -239,7 +239,7 @@ def _arm(case: Data, at: str) -> float:
 
 @dataclass
 class Finding:
-    """How far a check is off, in multiples of what is allowed; what is off; or why nothing can be said."""
+    """A deviation in multiples of the allowed one, and of what; or why there is none."""
 
     ratio: float = 0.0
     what: str = ""
@@ -248,7 +248,7 @@ class Finding:
 
     @property
     def violated(self) -> bool:
-        """Return whether something is wrong that nothing explains."""
+        """Return whether there is an unexplained deviation."""
         return not self.ratio <= 1.0 and not self.announced
 
 
@@ -259,7 +259,7 @@ def announced(*answers: Answer) -> str:
 
 def agree(scene: Scene, got: Answer, to: Similarity | None = None, shift: float = 0.0,
           exempt: Callable[[str, str], bool] = lambda kind, name: False) -> Finding:
-    """Compare an answer with that of the scene seen by a similarity; ``shift`` is how many sizes away it is."""
+    """Compare an answer with that of the transformed scene; ``shift`` is the distance in sizes of the scene."""
     base, to = scene.base, to or Similarity()
     if base.refusal or got.refusal:
         return refusals(base, got)
@@ -286,7 +286,7 @@ def agree(scene: Scene, got: Answer, to: Similarity | None = None, shift: float 
 
 
 def within_estimate(scene: Scene, got: Answer, to: Similarity) -> Finding:
-    """Compare motions in which steps were cut: round-off decides where, and they agree as far as is estimated.
+    """Compare motions with cut steps: round-off decides where, and they agree within the estimate.
 
     The estimate is of displacements; nothing is told of velocities and forces.
     """
@@ -303,7 +303,7 @@ def within_estimate(scene: Scene, got: Answer, to: Similarity) -> Finding:
 
 
 def refusals(base: Answer, got: Answer) -> Finding:
-    """Compare two answers of which one at least is none."""
+    """Compare two answers of which at least one is a refusal."""
     for found in (base, got):
         if found.crash:
             return Finding(math.inf, found.refusal)

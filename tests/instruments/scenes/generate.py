@@ -45,7 +45,7 @@ def scene(seed: int, number: int, solver: str | None = None, laws: bool = False)
 
 
 class Maker(Supported):
-    """A scene while it is made."""
+    """A scene under construction."""
 
     # ------------------------------------------------------------------ the whole
 
@@ -77,7 +77,7 @@ class Maker(Supported):
                   self.rng.choice((0.0, 1.0, 1.0, self.rng.choice(SOMEWHERE))))
 
     def add_springs(self) -> None:
-        """Add springs, to the ground and between points, prestressed sometimes."""
+        """Add springs, to the ground and between points, sometimes prestressed."""
         while self.chance(0.2):
             one, other = self.anywhere(), self.anywhere()
             damping = {"damping": self.near(0.01 * self.load_size)} if self.moves and self.chance(0.5) else {}
@@ -100,7 +100,7 @@ class Maker(Supported):
                                              **rest})
 
     def one_sided(self, gap: float) -> Data:
-        """Return in what part of its elongations a spring acts: in all of them, as in linear solvers, mostly."""
+        """Return the range of elongations in which a spring acts: all in linear solvers, and mostly in others."""
         if self.kind not in ("static", "path", "dynamic") or not self.chance(0.3):
             return {}
         stop = {"gap": gap * self.rng.uniform(0.1, 1.0)}
@@ -118,7 +118,7 @@ class Maker(Supported):
             self.case["masses"].append({"at": where, "mass": mass, **inertia})
 
     def add_loads(self) -> None:
-        """Add loads of a size that bends the softest body as far as the solver is for."""
+        """Add loads of a size that bends the softest body as far as the solver allows."""
         strength = {"linear_static": 1.0, "static": 10 ** self.rng.uniform(-2, 0.3), "path": 0.5, "eigen": 0.1,
                     "buckling": 1.0, "dynamic": 10 ** self.rng.uniform(-2, 0.3)}[self.kind]
         for _ in range(self.rng.choice((0, 1, 1, 2, 3)) if self.moves else self.rng.choice((1, 1, 2, 3))):
@@ -183,7 +183,7 @@ class Maker(Supported):
         return {"type": kind, "on": name, "value": axial / alpha, "gradient": curvature / alpha, **part}
 
     def vary(self) -> None:
-        """Let natural strains and guides vary along their bodies, tendons be elastic and nodes stand anywhere."""
+        """Vary natural strains and guides along their bodies, make tendons elastic and place nodes anywhere."""
         for load in self.case["loads"]:
             body = self.case["bodies"].get(load.get("on"))
             if load["type"] == "tendon" and self.kind != "linear_static" and self.chance(0.35):
@@ -206,7 +206,7 @@ class Maker(Supported):
         return self.rng.choice(({"s": [0.0, 1.0], "value": [a, b]}, {"s": [0.0, 0.5, 1.0], "value": [a, c, b]}))
 
     def make_elastic(self, tendon: Data) -> None:
-        """Give a tendon a stiffness in place of its tension, which it has about as much of where it is wound up."""
+        """Give a tendon a stiffness in place of its tension, with about the same tension if it is wound up."""
         on = self.case["bodies"].get(tendon.get("on"))
         if on is not None and type_of(on["element"]).section_kind == "tangent" and tendon["y"]:
             return
@@ -216,7 +216,7 @@ class Maker(Supported):
         tendon |= {"stiffness": self.near(50.0 * tension), "slack": -0.02 * l * self.rng.uniform(-0.3, 1.0)}
 
     def eyelets(self) -> list[Any]:
-        """Return two or three points of bodies that are apart, off their axes sometimes; none where there are not."""
+        """Return two or three separate points of bodies, sometimes off their axes; none if there are not enough."""
         found: list[Any] = []
         places: list[Any] = []
         for _ in range(12):
@@ -231,7 +231,7 @@ class Maker(Supported):
     # ------------------------------------------------------------------ motions, solvers, output
 
     def start(self) -> None:
-        """Give the motion a start, and damping sometimes."""
+        """Give the motion a start, and sometimes damping."""
         rng, v = self.rng, self.size / self.period
         speed = {"velocity": [v * rng.uniform(-1, 1), v * rng.uniform(-1, 1)]}
         rate = {"rotation_rate": {"omega": v / self.size * rng.uniform(-1, 1),
@@ -256,7 +256,7 @@ class Maker(Supported):
                 item["active"] = self.rng.choice(({"from": begin}, {"to": end}, {"from": begin, "to": end}))
 
     def turn_steadily(self) -> None:
-        """Let the frame turn, gravity and prescribed motion aside."""
+        """Let the frame turn, without gravity and prescribed motion."""
         self.case["loads"] = [x for x in self.case["loads"] if x["type"] != "gravity"]
         if not any(s["type"] == "prescribed" for s in self.case["boundary_conditions"]):
             self.case["steady_rotation"] = {
@@ -286,7 +286,7 @@ class Maker(Supported):
         return {**out, "dt": t_end / rng.choice((10, 25, 40))}
 
     def ask(self) -> None:
-        """Put probes on every body, off the axis sometimes, and ask for section forces sometimes."""
+        """Put probes on every body, sometimes off the axis, and sometimes request section forces."""
         probes: Data = {}
         for name, body in self.case["bodies"].items():
             for s in (0.0, 1.0, self.rng.choice(SOMEWHERE)):

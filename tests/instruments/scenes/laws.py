@@ -1,4 +1,4 @@
-"""Materials with memory for random scenes: fibres that yield or follow a curve, Maxwell terms, and what they lose."""
+"""Materials with memory for random scenes: fibres with plasticity or curves, Maxwell terms, and dissipation."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LOST = 1e-9
 
 
 def give_laws(case: Data, rng: random.Random, period: float) -> None:
-    """Give bodies of a scene laws, half of its load steps time, and a motion a method that steps them.
+    """Give bodies of a scene laws, turn half of its load steps into time, and choose an integrator for them.
 
     Fibres yield about where the scene's loads bend them to; they harden, so that nothing flows without a bound.
     """
@@ -57,7 +57,7 @@ def give_laws(case: Data, rng: random.Random, period: float) -> None:
 
 
 def _fibres(body: Data, material: Data, rng: random.Random) -> Data:
-    """Return a law of fibres that are bent beyond their elastic part, by a random share."""
+    """Return a law of fibres that exceed their elastic range by a random share."""
     section, E = body["section"], material["E"]
     height = sum(x["height"] for x in section["layers"]) if "layers" in section else number(section["height"])
     strain = height / length(body["geometry"]) * 10 ** rng.uniform(-2.5, 0.0)
@@ -73,13 +73,13 @@ def _fibres(body: Data, material: Data, rng: random.Random) -> Data:
 
 
 def without_laws(case: Data) -> None:
-    """Raise UnfitError where a check is none for materials that remember."""
+    """Raise UnfitError if a check does not apply to materials with memory."""
     if has_laws(case):
         raise UnfitError("the way to a state counts")
 
 
 def lost(scene: Scene) -> Finding:
-    """What materials and dampers take never comes back."""
+    """Dissipation of materials and dampers never falls."""
     case, base = scene.case, scene.base
     if base.refusal:
         return refusals(base, base)

@@ -1,4 +1,4 @@
-"""What is checked of motions alone: momentum, energy, and that a stop in between changes nothing."""
+"""Checks of motions only: momentum, energy, and interruptions without effect."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ancf2d.solvers.motion.integrators import DEFAULT, INTEGRATORS
-from ancf2d.solvers.post import Observer
 from ancf2d.solvers.state import State
+from ancf2d.solvers.state_results import Observer
 
 from .answer import Answer, answer, quantities
 from .compare import ILL, Finding, Scene, agree, announced, refusals
@@ -46,7 +46,7 @@ def method(case: Data) -> str:
 
 
 def is_free(case: Data) -> bool:
-    """Return whether nothing holds a scene: no support, ground spring, slider, damping by mass."""
+    """Return whether a scene has no support, ground spring, slider or mass damping."""
     ground = any(not isinstance(p, str) for s in case.get("springs", ()) for p in s["between"])
     slides = any(j["type"] == "slider" for j in case.get("joints", ()))
     damped = "alpha" in case.get("damping", {}).get("rayleigh", {})
@@ -54,14 +54,14 @@ def is_free(case: Data) -> bool:
 
 
 def starts(case: Data) -> Any:
-    """Yield each body and how it starts."""
+    """Yield each body and its initial motion."""
     start = case.get("initial", {})
     for name in case["bodies"]:
         yield name, start.get("bodies", {}).get(name, start)
 
 
 def velocity(start: Data, place: Array) -> Array:
-    """Return the velocity of a place that moves as a start says."""
+    """Return the velocity of a position in a rigid initial motion."""
     out = np.array(start.get("velocity", (0.0, 0.0)), dtype=float)
     if "rotation_rate" in start:
         rate = start["rotation_rate"]
@@ -71,7 +71,7 @@ def velocity(start: Data, place: Array) -> Array:
 
 
 def momentum(scene: Scene) -> Finding:
-    """What nothing holds moves by its loads alone: p(t) = p(0) + the impulse of the loads."""
+    """A free scene moves by its loads alone: p(t) = p(0) + the impulse of the loads."""
     case, base = scene.case, scene.base
     if base.refusal:
         return refusals(base, base)
@@ -119,7 +119,7 @@ def straight_parts(geometry: Data) -> list[tuple[float, float]]:
 
 
 def conserved(scene: Scene) -> Finding:
-    """energy_momentum keeps energy, and the angular momentum of what is free and not loaded."""
+    """energy_momentum conserves energy, and the angular momentum of free, unloaded scenes."""
     case, base = scene.case, scene.base
     if not INTEGRATORS[method(case)].conserves:
         raise UnfitError("the method does not conserve")
@@ -144,7 +144,7 @@ def conserved(scene: Scene) -> Finding:
 
 
 def varies_in_time(case: Data) -> bool:
-    """Return whether something depends on time."""
+    """Return whether a load or constraint depends on time."""
     return any({"amplitude", "active"} & set(x) for x in (*case.get("loads", ()), *case.get("springs", ()))) or any(
         s["type"] == "prescribed" for s in case.get("boundary_conditions", ()))
 
@@ -229,7 +229,7 @@ def stays(scene: Scene) -> Finding:
 
 
 def _begun(scene: Scene, motion: Answer, start: State) -> Scene:
-    """Return a scene whose answer is the start of a motion, where that has a mesh and an equilibrium of its own."""
+    """Return a scene with the start of a motion, if that has its own mesh and equilibrium."""
     # a cable in motion has one r_x where something acts
     if motion.model is None or scene.base.model is None or motion.model.n_q == scene.base.model.n_q:
         return scene
@@ -240,7 +240,7 @@ def _begun(scene: Scene, motion: Answer, start: State) -> Scene:
 
 
 def period(case: Data) -> float:
-    """Return a time in which a scene would move visibly if it did."""
+    """Return a time in which an unbalanced scene would move visibly."""
     squares = [mass_per_length(b) * length(b["geometry"]) ** 4 / stiffness(b)[1]
                for b in case["bodies"].values() if not is_rigid(b)]
     return float(max(squares, default=1.0) ** 0.5)

@@ -1,4 +1,4 @@
-"""The same scene in other words: bodies in another order, a body reversed, a body split and welded again."""
+"""The same scene in another form: bodies in another order, a body reversed, a body split and welded again."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .similar import ODD, UnfitError, swapped, times, turn_layers
 
 
 def reordered(case: Data, rng: random.Random) -> Data:
-    """Return a case with its bodies, and everything that is listed, in another order."""
+    """Return a case with its bodies and all lists in another order."""
     out = copy.deepcopy(case)
     for key in ("joints", "springs", "masses", "loads", "boundary_conditions"):
         if key in out:
@@ -72,7 +72,7 @@ def with_points(case: Data, change: Callable[[str], str]) -> Data:
 
 
 def symmetric_under_reversal(kind: ElementType) -> bool:
-    """Return whether a basis spans the same polynomials when seen from the other end: (x, y) -> (1 - x, -y).
+    """Return whether a basis spans the same polynomials from the other end: (x, y) -> (1 - x, -y).
 
     Judged at points: with these functions' values as columns, those of the reversed ones add no rank.
     """
@@ -152,7 +152,7 @@ def change_profiles(body: Data, change: Callable[[Any], Any]) -> None:
 
 
 def points_on(case: Data, name: str) -> list[float]:
-    """Return S of all points of a body where something acts."""
+    """Return S of all points of a body with a load or constraint."""
     found: list[float] = []
 
     def seen(p: str) -> str:
@@ -169,7 +169,7 @@ def points_on(case: Data, name: str) -> list[float]:
 
 
 def splits(case: Data, name: str) -> list[tuple[float, int]]:
-    """Return where a body may be split without another mesh: S and the number of elements before."""
+    """Return possible cuts of a body that keep its mesh: S and the number of elements before."""
     body = case["bodies"][name]
     geometry, spec = body["geometry"], body["element"]
     slid_on = any(j.get("on") == name for j in case.get("joints", ()))

@@ -1,4 +1,4 @@
-"""How far round-off alone may carry two answers to the same scene apart.
+"""The largest difference that round-off alone can cause between two answers to the same scene.
 
 A backward stable solution of n equations whose matrix, its rows and columns brought to one size, has the condition
 number kappa is wrong by about n kappa u, u = 2^-53 (Higham, Accuracy and Stability of Numerical Algorithms, ch. 7
@@ -35,7 +35,7 @@ def tangent(model: Model, d: Array, t: float) -> Array:
 
 
 def condition(K: Array) -> float:
-    """Return the condition number of a symmetric matrix that is scaled as well as a few sweeps do."""
+    """Return the condition number of a symmetric matrix, scaled by a few sweeps."""
     A = np.array(K)
     for _ in range(SWEEPS):
         size = np.sqrt(np.abs(A).max(axis=1, initial=0.0))

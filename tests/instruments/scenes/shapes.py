@@ -1,4 +1,4 @@
-"""What a body of a case is as numbers: its axis, stiffnesses and mass, from the case alone."""
+"""A body of a case as numbers: its axis, stiffnesses and mass, from the case alone."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def position(geometry: Data, s: float) -> Array:
 
 
 def point(case: Data, text: str) -> Array:
-    """Return where BODY@S is in the reference (2,)."""
+    """Return the position of BODY@S in the reference (2,)."""
     name, s = split_point(text)
     return position(case["bodies"][name]["geometry"], s)
 
@@ -158,7 +158,7 @@ def _curve(text: str) -> Curve:
 
 
 def stiffness(body: Data) -> tuple[float, float]:
-    """Return EA and EI of a body; those of the section beside a material of its own where it is rigid."""
+    """Return EA and EI of a body, also of a rigid one with section and material."""
     section, material = body.get("section"), body.get("material") or {}
     if section is None:
         return 1.0, 1.0
@@ -173,21 +173,21 @@ def stiffness(body: Data) -> tuple[float, float]:
 
 
 def number(value: Any) -> float:
-    """Return a number, or the mean of a table of straight lines over s."""
+    """Return a number, or the mean of a piecewise linear table over s."""
     if not isinstance(value, dict):
         return float(value)
     return float(np.trapezoid(value["value"], value["s"]))
 
 
 def turned_round(value: Any) -> Any:
-    """Return a number, or a table over s as it is seen from the other end."""
+    """Return a number, or a table over s seen from the other end."""
     if not isinstance(value, dict):
         return value
     return {**value, "s": [1.0 - s for s in value["s"][::-1]], "value": value["value"][::-1]}
 
 
 def part_of(value: Any, a: float, b: float) -> Any:
-    """Return a number, or the stretch from s = a to b of a table of straight lines over s, as one from 0 to 1."""
+    """Return a number, or the part from s = a to b of a piecewise linear table over s, as a table from 0 to 1."""
     if not isinstance(value, dict):
         return value
     s, v = np.array(value["s"]), np.array(value["value"])
@@ -199,7 +199,7 @@ def part_of(value: Any, a: float, b: float) -> Any:
 
 
 def area(section: Data) -> tuple[float, float]:
-    """Return A and I of a section with dimensions, of mean ones where they vary."""
+    """Return A and I of a section with dimensions, of their means if they vary."""
     if "A" in section:
         return number(section["A"]), number(section["I"])
     h, w = number(section["height"]), number(section["width"])
@@ -217,13 +217,13 @@ def mass_per_length(body: Data) -> float:
 
 
 def has_mass(body: Data) -> bool:
-    """Return whether a body says what it weighs."""
+    """Return whether a body has a mass."""
     known = {"rho", "rhoA", "mass", "layers"}
     return any(known & set(body.get(part, ())) for part in ("section", "material", "element"))
 
 
 def is_straight(body: Data) -> bool:
-    """Whether the axis is straight between its corners: the mass of a curved one is that of its mesh."""
+    """Whether the axis is straight between its corners: the mass of a curved body is that of its mesh."""
     return bool(body["geometry"]["type"] in ("line", "polyline"))
 
 
@@ -245,7 +245,7 @@ def extent(case: Data) -> float:
 
 
 def has_laws(case: Data, fibres: bool = False) -> bool:
-    """Return whether a material of a scene remembers, or has fibres of their own."""
+    """Return whether a material of a scene has memory, or fibres."""
     keys = {"yield", "stress_strain"} | (set() if fibres else {"viscoelastic"})
     return any(keys & set(material) for body in case["bodies"].values() for material in (
         body.get("material", {}), *(layer["material"] for layer in body.get("section", {}).get("layers", ()))))

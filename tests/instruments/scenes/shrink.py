@@ -18,7 +18,7 @@ MOST_TRIES = 300
 
 
 def shrunk(case: Data, violates: Callable[[Data], bool], most: int = MOST_TRIES) -> Data:
-    """Return a case as small as single steps make it that still ``violates``."""
+    """Return a case that still ``violates``, reduced as far as single steps allow."""
     tries = 0
     found = True
     while found and tries < most:
@@ -60,7 +60,7 @@ def smaller_cases(case: Data) -> Iterator[Data]:
 
 
 def without_bodies(case: Data) -> Iterator[Data]:
-    """Yield cases with one body less, and without what acts on it."""
+    """Yield cases with one body less, and without its loads and constraints."""
     for name in case["bodies"] if len(case["bodies"]) > 1 else ():
         out = copy.deepcopy(case)
         del out["bodies"][name]
@@ -77,7 +77,7 @@ def without_bodies(case: Data) -> Iterator[Data]:
 
 
 def without_points(item: Data, name: str) -> Data | None:
-    """Return a joint, load, ... without the points of a body; None where nothing is left of it."""
+    """Return a joint, load, ... without the points of a body; None if nothing remains."""
     if item.get("on") == name or any(split_point(item[k])[0] == name for k in ("at", "point") if k in item):
         return None
     if "between" in item:
@@ -87,7 +87,7 @@ def without_points(item: Data, name: str) -> Data | None:
 
 
 def simpler_items(case: Data) -> Iterator[Data]:
-    """Yield cases with a load, joint, ... that says less."""
+    """Yield cases with a simpler load, joint, ..."""
     for key in LISTS:
         for i, item in enumerate(case.get(key, ())):
             for extra in ("amplitude", "active", "spread", "hold", "inertia", "follower", "from", "to", "damping",
@@ -120,7 +120,7 @@ def simpler_bodies(body: Data) -> Iterator[Data]:
 
 
 def rounded(case: Data, digits: int) -> Data:
-    """Return a case with all numbers of so many digits."""
+    """Return a case with all numbers rounded to so many digits."""
     def short(value: Any) -> Any:
         if isinstance(value, dict):
             return {k: short(v) for k, v in value.items()}

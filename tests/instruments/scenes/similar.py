@@ -1,4 +1,4 @@
-"""A scene elsewhere: turned, mirrored, shifted and in other units, and what its answer must then be."""
+"""A transformed scene: turned, mirrored, shifted and in other units, and its expected answer."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ DIRECTIONS = ("normal", "along")
 
 
 class UnfitError(ValueError):
-    """A scene that cannot be written in the way a transformation wants it."""
+    """A scene that cannot be transformed in this way."""
 
 
 @dataclass(frozen=True)
@@ -74,32 +74,32 @@ class Similarity:
 
     @property
     def quarters(self) -> int | None:
-        """Return the number of quarter turns, None where the angle is no multiple of one."""
+        """Return the number of quarter turns, None if the angle is no multiple of one."""
         turns = self.angle / (0.5 * math.pi)
         return round(turns) if abs(turns - round(turns)) < 1e-12 else None
 
     def unit(self, dimension: tuple[int, int, int]) -> float:
-        """Return the factor of a number with powers of length, force and time."""
+        """Return the factor of a number with given powers of length, force and time."""
         a, b, c = dimension
         return self.length**a * self.force**b * self.time**c
 
     def place(self, p: Any) -> list[float]:
-        """Return where a place goes."""
+        """Return the image of a position."""
         return [float(v) for v in self.length * (self.R @ np.array(p)) + np.array(self.shift)]
 
     def vector(self, v: Any, dimension: tuple[int, int, int] = (0, 0, 0)) -> list[float]:
-        """Return what a vector becomes."""
+        """Return the image of a vector."""
         return [float(x) for x in self.unit(dimension) * (self.R @ np.array(v))]
 
     # ------------------------------------------------------------------ cases
 
     def case(self, case: Data) -> Data:
-        """Return the scene as it is elsewhere. Raises UnfitError where the format has no words for it."""
+        """Return the transformed scene. Raises UnfitError if the format cannot express it."""
         return _Case(self, case["solver"]["type"] in ("dynamic", "quasi_static")).everything(case)
 
 
 class _Case:
-    """A case while it is moved."""
+    """A case under transformation."""
 
     def __init__(self, to: Similarity, moves: bool) -> None:
         self.to, self.moves = to, moves
@@ -114,7 +114,7 @@ class _Case:
         return {key: out[key] for key in case}
 
     def general(self, value: Any, key: str = "") -> Any:
-        """Return anything whose keys say what it is."""
+        """Return anything whose keys determine its kind."""
         to = self.to
         if key in DIMENSIONS and isinstance(value, list):
             return [v * to.unit(DIMENSIONS[key]) for v in value]
@@ -164,13 +164,13 @@ class _Case:
         return out
 
     def amplitude(self, amplitude: Any, by: float = 1.0) -> Any:
-        """Return an amplitude times a number, in other units of time where it is one of time."""
+        """Return an amplitude times a number, in other units of time if it depends on time."""
         if isinstance(amplitude, dict) and self.moves:
             amplitude = stretched(amplitude, self.to.time)
         return scaled(amplitude, by)
 
     def over_time(self, item: Data) -> Data:
-        """Return an item with its amplitude, and when it acts, in other units of time."""
+        """Return an item with its amplitude and switching times in other units of time."""
         out = {**item, "amplitude": self.amplitude(item["amplitude"])} if "amplitude" in item else dict(item)
         if "active" in item:
             out["active"] = {key: self.to.time * t for key, t in item["active"].items()}
@@ -226,7 +226,7 @@ class _Case:
         return out
 
     def motion(self, support: Data) -> Data:
-        """Return prescribed motion: both displacements are of one shape."""
+        """Return prescribed motion, with both displacements in the same form."""
         out, (ux, uy) = {}, (support["ux"], support["uy"])
         new = self.to.vector([ux["scale"], uy["scale"]], (1, 0, 0))
         for key, was, scale in (("ux", ux, new[0]), ("uy", uy, new[1])):
@@ -241,7 +241,7 @@ def times(value: Any, factor: float) -> Any:
 
 
 def swapped(spring: Data) -> Data:
-    """Return a one-sided spring that acts on the other side; any other as it is."""
+    """Return a one-sided spring with the other side; any other unchanged."""
     other = {"tension": "compression", "compression": "tension"}
     return {**spring, "only": other[spring["only"]]} if "only" in spring else spring
 

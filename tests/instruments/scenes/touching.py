@@ -1,6 +1,7 @@
-"""Random motions of rods that fall among obstacles, and what must hold in each: no depth, no passage, no energy gained.
-Random beams that are pressed onto obstacles, too: an equilibrium is found, in balance and out of what it touches, on a
-way around it.
+"""Random motions of rods that fall among obstacles, and their invariants: no depth, no passage, no energy gained.
+
+Also random beams pressed onto obstacles: an equilibrium exists, in balance and outside the obstacles, on a path around
+them.
 
 Positions of points follow from the states that are stored: at the end of every step, of fixed steps that were not made
 in parts. Ways are looked at between states with one step between them. Distances are those of this module.
@@ -37,7 +38,7 @@ SAMPLES = 200
 
 @dataclass
 class Verdict:
-    """What came of a scene: depth and passage beside its size, energy gained beside the largest, or why it failed.
+    """The outcome of a scene: depth and passage over its size, energy gained over the largest, or the failure.
 
     ``given`` is work that is told of steps in which nothing touches an obstacle that moves, beside the largest energy.
     """
@@ -53,7 +54,7 @@ class Verdict:
 
     @property
     def faults(self) -> list[str]:
-        """What must not be."""
+        """Return the violated invariants."""
         out = [f"{name} {value:.1e}" for name, value, most in (
             ("depth", self.depth, DEPTH), ("passage", self.passage, PASSAGE), ("gain", self.gain, GAIN),
             ("given", self.given, GIVEN)) if not value <= most]
@@ -118,7 +119,7 @@ def _rod(rng: random.Random, start: Array, end: Array, mass: float, length: floa
 
 
 def _obstacle(rng: random.Random, wheel: str, k: int, bodies: Data, supports: list[Data]) -> Data:
-    """Return an obstacle that stands still, turns freely about its middle, or shakes."""
+    """Return an obstacle that is fixed, rotates freely about its middle, or shakes."""
     x, y = rng.uniform(-1.2, 1.2), rng.uniform(0.2, 0.8)
     if rng.random() < 0.5:
         out: Data = {"type": "circle", "center": [x, y], "radius": rng.uniform(0.02, 0.3)}
@@ -175,7 +176,7 @@ def pressed_scene(seed: int, number: int) -> Data:
 
 
 def pressed(seed: int, number: int, stiffness: float | None = None, **solver: Any) -> list[str]:
-    """Return what must not be of the equilibrium of a pressed beam, on layers where these have a stiffness."""
+    """Return the violations of the equilibrium of a pressed beam, on layers if these have a stiffness."""
     case = pressed_scene(seed, number)
     case["solver"] = {"type": "static", **(solver or {"steps": 5})}
     for contact in case["contacts"] if stiffness else ():
@@ -201,7 +202,7 @@ def pressed(seed: int, number: int, stiffness: float | None = None, **solver: An
 
 
 def judged(seed: int, number: int, case: Data | None = None) -> Verdict:
-    """Return what came of a scene."""
+    """Return the outcome of a scene."""
     case = scene(seed, number) if case is None else case
     out = Verdict(number, _kind(case))
     try:
@@ -240,14 +241,14 @@ def judged(seed: int, number: int, case: Data | None = None) -> Verdict:
 
 
 def _reach(rod: Data, S: list[float]) -> float:
-    """Return how far from the nearest of its points a place of a rod may be: half a height, half of the way between."""
+    """Return the largest distance from a point of a rod to its nearest contact point: half a height, half a spacing."""
     start, end = (np.array(rod["geometry"][k]) for k in ("start", "end"))
     section = rod.get("section", {"EI": 0.0, "EA": 1.0})
     return float(np.sqrt(3.0 * section["EI"] / section["EA"]) + max(np.diff(S)) * np.hypot(*(end - start)))
 
 
 def _kind(case: Data) -> str:
-    """Return what makes a scene."""
+    """Return the kind of a scene."""
     contact, solver = case["contacts"][0], case["solver"]
     hold = "law" if "law" in contact else f"restitution {contact['restitution']:.2g}"
     step = f"dt {solver['dt']:g}" if "dt" in solver else f"tolerance {solver['tolerance']:g}"
@@ -256,7 +257,7 @@ def _kind(case: Data) -> str:
 
 
 def _places(solution: Any, body: str, S: list[float]) -> Array:
-    """Return where points of the axis of a body are in every state (states, points, 2)."""
+    """Return the positions of points of the axis of a body in every state (states, points, 2)."""
     mesh, e = solution.model.meshes[body], solution.e
     out = np.zeros((len(e), len(S), 2))
     for i, s in enumerate(S):
@@ -266,7 +267,7 @@ def _places(solution: Any, body: str, S: list[float]) -> Array:
 
 
 def _seen(X: Array, origin: tuple[float, float], pose: tuple[float, float, float]) -> Array:
-    """Return points as an obstacle that has moved sees them."""
+    """Return points in the frame of a moved obstacle."""
     x, y, angle = pose
     c, s = math.cos(angle), math.sin(angle)
     moved = X - np.array(origin) - np.array([x, y])
@@ -275,7 +276,7 @@ def _seen(X: Array, origin: tuple[float, float], pose: tuple[float, float, float
 
 
 def distance(obstacle: Data, X: Array) -> Array:
-    """Return how far points (..., 2) are out of an obstacle, negative within it."""
+    """Return the distance of points (..., 2) from an obstacle, negative inside."""
     if obstacle["type"] == "half_plane":
         n = np.array(obstacle["normal"], dtype=float)
         found: Array = (X - np.array(obstacle["through"])) @ (n / np.hypot(*n))
@@ -295,7 +296,7 @@ def distance(obstacle: Data, X: Array) -> Array:
 
 
 def _passage(obstacle: Data, X: Array, gaps: Array, whole: npt.NDArray[np.bool_]) -> float:
-    """Return how deep the straight way of a point in a step leads through an obstacle that both its ends are out of.
+    """Return the largest depth of straight steps of points through an obstacle whose ends are outside.
 
     ``whole`` (states - 1,): which of the ways are of one step.
     """
@@ -312,7 +313,7 @@ def _passage(obstacle: Data, X: Array, gaps: Array, whole: npt.NDArray[np.bool_]
 
 
 def report(rows: Iterable[Data]) -> str:
-    """Return the table of what came of scenes (verdicts as data)."""
+    """Return the table of outcomes of scenes (verdicts as data)."""
     kinds: dict[str, list[Verdict]] = {}
     for v in (Verdict(**row) for row in rows):
         kinds.setdefault(v.kind.split(", ")[1].split(" ")[0] + ", " + v.kind.rsplit(", ", 1)[1], []).append(v)

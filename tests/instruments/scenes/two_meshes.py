@@ -1,4 +1,4 @@
-"""Random beams and rings in statics: the error estimate of a mesh from a finer one, against far finer meshes."""
+"""Random beams and rings in statics: error estimates from a finer mesh, compared with far finer meshes."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def scene(rng: random.Random) -> dict[str, Any]:
 
 
 def judged(seed: int, number: int) -> Judged | None:
-    """Return the verdict on the first mesh of a scene, or None if it has no solution or its limit is not known."""
+    """Return the verdict on the first mesh of a scene, or None without a solution or a known limit."""
     rng = random.Random(f"{seed} {number}")
     case, wanted = ancf2d.load(scene(rng)), rng.choice(WANTED)
     direct = Direct(Pursuit(case, wanted, Progress()), {}, wanted)
@@ -116,7 +116,7 @@ def _answers(case: LoadedCase, setting: Setting) -> list[GoalValue]:
 
 
 def report(rows: Iterable[dict[str, Any]]) -> str:
-    """Return in words what came of scenes (``Judged`` as data)."""
+    """Return the outcome of scenes (``Judged`` as data) in words."""
     found, out = [Judged(**row) for row in rows], []
     for name in ("two", "three"):
         given = [(v, getattr(v, name)) for v in found]

@@ -1,4 +1,4 @@
-"""Random motions of beams: the error estimate of a run from a finer one, against far finer meshes and steps."""
+"""Random motions of beams: error estimates from a finer run, compared with far finer meshes and steps."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ TIGHT, TIGHTER, MANY = 1e-2, 1e-3, 60
 
 
 def scene(rng: random.Random) -> dict[str, Any]:
-    """Return a case of a beam that swings, is struck, shaken or turned, or flies, for up to two periods."""
+    """Return a case of a beam that swings, is struck, shaken, rotated or flies, for up to two periods."""
     L, height, material = rng.choice([1.0, 2.0]), rng.choice([0.02, 0.05, 0.1, 0.2]), rng.choice(MATERIALS)
     EI, mass = material["E"] * 0.1 * height**3 / 12.0, material["rho"] * 0.1 * height
     period = 2.0 * math.pi * L**2 / 3.516 * math.sqrt(mass / EI)
@@ -52,7 +52,7 @@ def scene(rng: random.Random) -> dict[str, Any]:
 
 
 def judged(seed: int, number: int) -> Judged | None:
-    """Return the verdict on the first run of a scene, or None if it has no solution or its limit is not known."""
+    """Return the verdict on the first run of a scene, or None without a solution or a known limit."""
     rng = random.Random(f"{seed} {number}")
     case, wanted = ancf2d.load(scene(rng)), rng.choice(WANTED)
     pursuit = Pursuit(case, wanted, Progress())
@@ -75,7 +75,7 @@ def judged(seed: int, number: int) -> Judged | None:
 
 
 def report(rows: Iterable[dict[str, Any]]) -> str:
-    """Return in words what came of scenes (``Judged`` as data)."""
+    """Return the outcome of scenes (``Judged`` as data) in words."""
     found = [Judged(**row) for row in rows]
     accepted = [v for v in found if v.two is not None and v.two <= v.wanted]
     below = [v for v in accepted if v.two is not None and v.two < v.truth > ROUND_OFF]

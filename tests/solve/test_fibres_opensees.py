@@ -1,4 +1,4 @@
-"""Sections of fibres beside those of OpenSees (``pip install .[peers]``): the same fibres, hardening and load steps.
+"""Sections of fibres compared with OpenSees (``pip install .[peers]``): the same fibres, hardening and load steps.
 
 OpenSees has elements by forces with five Gauss-Lobatto sections, with elastic shear, in a corotational frame.
 """

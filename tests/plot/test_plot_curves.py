@@ -1,4 +1,4 @@
-"""Figures of snapshots, phase portraits, trajectories, paths, and of work and precision show what was computed."""
+"""Figures of snapshots, phase portraits, trajectories, paths, and work-precision show the computed values."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_limit_points_are_marked_on_the_path(tmp_path: Path) -> None:
 # ---------------------------------------------------------------------- work and precision
 
 
-def test_the_front_is_what_nothing_beats_in_time_and_error() -> None:
+def test_the_front_is_unbeaten_in_time_and_error() -> None:
     work, error = np.array([1.0, 2.0, 3.0, 2.5, 0.5]), np.array([1e-2, 1e-3, 1e-3, 1e-4, 1e-1])
     assert pareto(work, error).tolist() == [4, 0, 1, 3]
 

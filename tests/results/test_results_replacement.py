@@ -1,4 +1,4 @@
-"""What ancf2d has made itself it replaces; whatever else is there stays, unless it is told to replace it."""
+"""ancf2d replaces files that it has made; it replaces others only with force."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ MADE: dict[str, Make] = {
 
 
 @pytest.mark.parametrize("name", chosen(MADE, ["f.png", "d-shape.csv", "e.vtkhdf", "r.h5"]))
-def test_a_file_of_its_own_is_replaced_and_no_other(tmp_path: Path, name: str) -> None:
+def test_only_files_of_ancf2d_are_replaced(tmp_path: Path, name: str) -> None:
     bent_beam(tmp_path / "a.h5")
     path = tmp_path / name
     MADE[name](tmp_path, path, False)
@@ -74,7 +74,7 @@ def test_a_file_of_its_own_is_replaced_and_no_other(tmp_path: Path, name: str) -
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.h5", name]
 
 
-def test_a_table_is_told_by_its_header(tmp_path: Path) -> None:
+def test_a_table_is_recognised_by_its_header(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     for header, own in (("t,tip.x,tip.y,tip.ux,tip.uy,tip.theta,tip.vx,tip.vy", True), ("t,tip.uy", False),
                         ("factor,a.x,a.y,a.ux,a.uy,a.theta,b.uy", False),
@@ -94,7 +94,7 @@ def test_a_table_is_told_by_its_header(tmp_path: Path) -> None:
         assert is_own(path) is own, header
 
 
-def test_a_result_that_is_cut_off_is_still_its_own(tmp_path: Path) -> None:
+def test_a_truncated_result_is_still_recognised(tmp_path: Path) -> None:
     path = bent_beam(tmp_path / "a.h5")
     whole = path.read_bytes()
     path.write_bytes(whole[:len(whole) // 2])

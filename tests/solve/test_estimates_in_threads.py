@@ -1,4 +1,4 @@
-"""Coarser motions that error estimates are made of go on in threads beside a long motion: nothing depends on that."""
+"""Coarser motions for error estimates run in threads next to a long motion, without any effect on results."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ def run_of(scene: str, **solver: Any) -> Run:
 
 
 def groups_of(problem: Any) -> Any:
-    """Return the element groups whose addresses a problem of its own has."""
+    """Return the element groups with addresses in a problem."""
     return problem._others[-1]
 
 
 def arrays(values: Any, name: str = "p") -> dict[str, np.ndarray]:
-    """Return the arrays of a record's values by their names."""
+    """Return the arrays of a record by name."""
     if isinstance(values, np.ndarray):
         return {name: values} if values.size else {}
     fields = zip(values._fields, values, strict=True) if isinstance(values, tuple) else ()
@@ -54,7 +54,7 @@ def arrays(values: Any, name: str = "p") -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_motions_write_nothing_that_others_read(scene: str) -> None:
+def test_motions_write_no_shared_arrays(scene: str) -> None:
     run = run_of(scene, tolerance=1e-4)
     assert run.estimate is not None
     run.estimate.start(*run.begin())
@@ -93,8 +93,8 @@ def test_estimates_are_the_same_bits_in_threads(scene: str, solver: dict[str, An
     assert found[1] == found[2]
 
 
-def test_a_motion_that_goes_on_from_its_middle_has_the_same_estimate_in_threads(monkeypatch: pytest.MonkeyPatch
-                                                                                ) -> None:
+def test_a_resumed_motion_has_the_same_estimate_in_threads(monkeypatch: pytest.MonkeyPatch
+                                                           ) -> None:
     monkeypatch.setattr(stepping, "CHUNK_SECONDS", 1e-9)
     monkeypatch.setattr(estimate, "threads", lambda: 2)
     run = run_of("amplitude", tolerance=1e-4)
@@ -108,7 +108,7 @@ def test_a_motion_that_goes_on_from_its_middle_has_the_same_estimate_in_threads(
     assert later.estimate.report() == run.estimate.report()
 
 
-def test_an_estimate_does_not_depend_on_how_far_calls_get(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_estimate_does_not_depend_on_the_length_of_calls(monkeypatch: pytest.MonkeyPatch) -> None:
     found = []
     for seconds in (1e-9, 10.0):
         monkeypatch.setattr(stepping, "CHUNK_SECONDS", seconds)
@@ -120,8 +120,8 @@ def test_an_estimate_does_not_depend_on_how_far_calls_get(monkeypatch: pytest.Mo
     assert found[0] == found[1]
 
 
-def test_a_second_coarser_motion_whose_steps_are_no_longer_goes_no_further() -> None:
-    """Newton's method limits the steps of a slender pendulum: the second coarser motion is given up at once."""
+def test_a_second_coarser_motion_without_longer_steps_is_abandoned() -> None:
+    """Newton's method limits the steps of a slender pendulum: the second coarser motion is abandoned at once."""
     slender = h.body(h.line(1.8), h.element("reissner3", 4), {"height": 0.004, "width": 0.03},
                      {"E": 2e11, "nu": 0.3, "rho": 2700.0})
     model = h.build({"rod": slender}, {"type": "dynamic", "t_end": 0.8, "tolerance": 1e-4}, loads=[GRAVITY],
@@ -137,7 +137,7 @@ def test_a_second_coarser_motion_whose_steps_are_no_longer_goes_no_further() -> 
 
 
 def test_a_level_whose_steps_are_divided_into_many_is_abandoned(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A motion that longer steps make unstable may need a hundred times as many of them."""
+    """A motion made unstable by longer steps may need a hundred times as many of them."""
     run = run_of("amplitude", dt=1e-3)
     judge = run.estimate
     assert judge is not None

@@ -1,4 +1,4 @@
-"""Nothing of a figure runs into anything else or out of it: diagrams, corners, numbers beside axes, legends."""
+"""No part of a figure overlaps another or is cut off: diagrams, corners, numbers beside axes, legends."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def frame(tmp_path_factory: pytest.TempPathFactory) -> Results:
 
 
 def test_a_diagram_of_moments_is_within_its_axes(frame: Results) -> None:
-    """M is on the side in tension: left of the column, above the arm, where nothing else is."""
+    """M is on the tension side: left of the column, above the arm, where nothing else is drawn."""
     axes, = draw(frame, "section_forces", symbols=False).axes
     drawn = np.vstack([line.get_xydata() for line in axes.lines])
     for values, (low, high) in zip(drawn.T, (axes.get_xlim(), axes.get_ylim()), strict=True):
@@ -52,7 +52,7 @@ def test_a_diagram_of_moments_is_within_its_axes(frame: Results) -> None:
 
 
 def test_a_diagram_of_values_within_elements_follows_the_corners_of_the_axis(frame: Results) -> None:
-    """Of fibres M is known at one point of each element; the axis is drawn from its beginning to its end."""
+    """With fibres, M is known at one point per element; the axis is drawn from end to end."""
     picture = build(frame, "section_forces")
     (d,), = picture.found.values()
     assert np.abs(d.whole - [0.0, 1.0]).sum(axis=1).min() < 1e-9
@@ -66,7 +66,7 @@ def test_a_diagram_of_values_within_elements_follows_the_corners_of_the_axis(fra
     assert unrolled.curves[0].x.tolist() == pytest.approx([0.25, 0.75, 1.25, 1.75])
 
 
-def test_bodies_without_the_field_are_drawn_bare(tmp_path: Path) -> None:
+def test_bodies_without_the_field_are_drawn_as_outlines(tmp_path: Path) -> None:
     text = FRAME.replace("boundary_conditions: [{type: clamp, at: frame@0}]", """
   base: {geometry: {type: line, start: [0, -0.5], end: [0, 0]}, section: {height: 0.1, width: 0.1},
          material: {E: 1, nu: 0.3}, element: {type: rigid}}
@@ -92,7 +92,7 @@ def test_numbers_beside_a_narrow_axis_do_not_touch() -> None:
 
 
 def test_numbers_stay_within_the_frames_of_an_animation(frame: Results) -> None:
-    """Axes of one scale show more where there is more room, and so have other numbers once they are placed."""
+    """Axes with equal scales show more in more room, so their numbers change once they are placed."""
     picture = build(frame, "fields", unrolled=False)
     picture.box = np.array([[-0.0172, -0.1], [1.24, 1.46]])
     with style(Look()):
@@ -107,7 +107,7 @@ def test_numbers_stay_within_the_frames_of_an_animation(frame: Results) -> None:
         assert max(b.x1 for b in inside) <= figure.bbox.x1 + 0.5
 
 
-def test_a_probe_of_any_name_has_a_legend_beside_those_of_the_marks(tmp_path: Path) -> None:
+def test_a_probe_of_any_name_has_a_legend_next_to_those_of_the_marks(tmp_path: Path) -> None:
     e0 = coordinates("tangent", np.array([0.0, 1.0]), 0.0)
     with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("b", 1, 1.0, 0.1)], e0) as w:
         for t in (0.0, 0.5, 1.0):
@@ -144,8 +144,8 @@ def test_a_shape_at_the_onset_of_flutter_says_so_with_its_frequency(tmp_path: Pa
 
 @pytest.mark.parametrize(("solver", "factor", "note"), [
     ("eigen", 0.0, "about the reference"), ("eigen", 1.0, "load factor 1"), ("static", 0.0, "load factor 0")])
-def test_a_shape_of_small_motions_says_what_they_are_about(tmp_path: Path, solver: str, factor: float, note: str,
-                                                           ) -> None:
+def test_a_shape_of_small_motions_names_their_state(tmp_path: Path, solver: str, factor: float, note: str,
+                                                    ) -> None:
     e0 = coordinates("tangent", np.array([0.0, 1.0]), 0.0)
     with ResultWriter(tmp_path / "a.h5", {**HEADER, "solver": solver}, [tangent_body("b", 1, 1.0, 0.1)], e0) as w:
         w.append(factor, 0 * e0, {})

@@ -17,12 +17,12 @@ from ..errors import CaseError, ComputationError, Problem
 from ..model.mesh import Index
 from ..model.model import Model
 from .linear import full_mass, unknowns_to_coordinates
+from .long_vectors import largest
 from .motion.initial import HELD, initial_motion
-from .post import Observer, turns_of
 from .small_motions.linearised import RateForces, to_sparse
 from .state import State
+from .state_results import Observer, turns_of
 from .system import System
-from .threads import largest
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array

@@ -1,4 +1,4 @@
-"""Random frames and mechanisms beside equations of their own: a few, or as many as --trials says."""
+"""Random frames and mechanisms compared with independent equations: a few, or as many as --trials says."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RIGID = [0, 1, 2, 3]
 
 
 def judged(verdicts: Iterable[Verdict], measured: Callable[..., None], place: str) -> list[Verdict]:
-    """Note the verdicts on a frame or mechanism; return those that do not hold, with their cases."""
+    """Note the verdicts on a frame or mechanism; return violated ones with their cases."""
     found = list(verdicts)
     for verdict in found:
         measured("robustness.md", place, verdict.as_row(), "instruments.own_equations.verdict:report")
@@ -39,7 +39,7 @@ def test_mechanisms(number: int, measured: Callable[..., None]) -> None:
 
 @pytest.mark.slow
 def test_a_frame_that_is_too_stiff_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One body of several gets a section a hundredth higher where ancf2d sees it."""
+    """In ancf2d, one body of several has a section higher by a hundredth."""
     right = frames_module._computed
 
     def stiffer(case: dict[str, Any]) -> dict[str, np.ndarray]:
@@ -54,7 +54,7 @@ def test_a_frame_that_is_too_stiff_is_found(monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.mark.slow
 def test_a_mechanism_in_too_much_gravity_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Gravity is a thousandth more where ancf2d sees it."""
+    """In ancf2d, gravity is larger by a thousandth."""
     right, number = mechanisms_module._computed, 0
     assert mechanisms_module.mechanism(number, {"type": "rigid"})["loads"][0]["type"] == "gravity"
 
@@ -66,8 +66,8 @@ def test_a_mechanism_in_too_much_gravity_is_found(monkeypatch: pytest.MonkeyPatc
     assert not next(mechanisms([number])).holds
 
 
-def test_what_is_allowed() -> None:
-    """The finer of two runs of order 2 is off by a third of their difference, and may be by three times that."""
+def test_the_allowed_deviation() -> None:
+    """The error of the finer of two runs of order 2 is a third of their difference; three times that is allowed."""
     def verdict(fine: float) -> Verdict:
         found = Verdict(0, "", "", {})
         true, *runs = ({"forces": np.array([value])} for value in (1.0, fine + 3e-3, fine))

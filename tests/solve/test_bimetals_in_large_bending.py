@@ -1,4 +1,4 @@
-"""Bimetal strips that bend far: own solutions of an exact rod, and of the section that a continuum element has."""
+"""Bimetal strips in large bending: solutions of an exact rod, and of the section of a continuum element."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = Any
 
 def strip(element: dict[str, Any], T: float, axis: float, loads: list[dict[str, Any]]
           ) -> dict[str, Any]:
-    """Return what probes of a strip say that is clamped at its start and heated."""
+    """Return the probes of a heated strip that is clamped at its start."""
     layers = [{"height": h, "material": {"E": E, "nu": nu, "alpha": alpha}} for h, E, nu, alpha in METALS]
     return ancf2d.solve({
         "bodies": {"strip": {"geometry": {"type": "line", "start": [0, 0], "end": [L, 0]}, "element": element,
@@ -79,8 +79,8 @@ def rod(T: float, axis: float, F: Array, couple: float) -> Array:
 
 
 @pytest.mark.parametrize("axis", [1e-3, 0.0])
-def test_a_rod_of_two_metals_is_that_of_reissner(axis: float) -> None:
-    """It bends by 1.6 rad, and a force and a couple bend it against that."""
+def test_a_bimetal_rod_is_that_of_reissner(axis: float) -> None:
+    """It bends by 1.6 rad, under an opposing force and couple."""
     T, F, couple = -3000.0, np.array([-4.0, -20.0]), 0.4
     loads = [{"type": "force", "at": "strip@1", "value": F.tolist()}, {"type": "moment", "at": "strip@1",
                                                                       "value": couple}]
@@ -89,7 +89,7 @@ def test_a_rod_of_two_metals_is_that_of_reissner(axis: float) -> None:
 
 
 def section(T: float, axis: float) -> float:
-    """Return the curvature that two metals of a plane continuum take away from the ends, at its least energy.
+    """Return the curvature of a bimetal plane continuum far from the ends, at its least energy.
 
     All sections are alike there, straight by symmetry: r = c(x) + f(y) n(x) with f a cubic, the axis stretched by 1 + e
     and bent by k. Green's strains are ((1 + e - k f)^2 - 1)/2 and (f'^2 - 1)/2, less those of heat. What each layer
@@ -125,7 +125,7 @@ def section(T: float, axis: float) -> float:
 
 
 @pytest.mark.slow
-def test_a_continuum_of_two_metals_bends_as_its_section_wants_away_from_its_ends() -> None:
+def test_a_bimetal_continuum_bends_as_its_section_far_from_the_ends() -> None:
     T, axis = 1500.0, 0.8e-3
     found = strip({"type": "ancf", "order": [3, 3], "count": 80, "formulation": "continuum"}, T, axis, [])
     bent = (found["b"]["theta"] - found["a"]["theta"]) / (0.2 * L)

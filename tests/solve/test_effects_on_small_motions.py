@@ -1,4 +1,4 @@
-"""What acts on small motions and is told to have no effect; line loads that depend on velocities, in motion too.
+"""Effects on small motions, and loads reported to have none; velocity-dependent line loads, in motion too.
 
 A drag of c v per length on a body of mass rhoA per length is Rayleigh damping with alpha = c/rhoA, where the body has
 no other mass.
@@ -79,8 +79,8 @@ def test_drag_moves_the_load_at_which_a_follower_load_makes_a_column_flutter() -
 
 @pytest.mark.parametrize("solver", [{"type": "eigen", "modes": 1}, {"type": "frequency_response", "frequencies": [1]},
                                     {"type": "state_space", "outputs": ["tip.uy"], "modes": 1}])
-def test_what_has_no_effect_on_small_motions_is_told(solver: dict[str, Any]) -> None:
-    """Drag and a damper that grow with the square of the velocity; loaded springs and prescribed motions."""
+def test_items_without_effect_on_small_motions_are_reported(solver: dict[str, Any]) -> None:
+    """Drag and a damper quadratic in the velocity; loaded springs and prescribed motions."""
     inputs = {} if solver["type"] == "eigen" else {"inputs": ["push"]}
     square = {**DRAG, "value": ["-c*vx*sqrt(vx^2 + vy^2)", "-c*vy*sqrt(vx^2 + vy^2)"]}
     damper = {"type": "translational", "between": ["b@1", [1, 1]], "force": "0.1*u + v*abs(v)"}
@@ -96,15 +96,15 @@ def test_what_has_no_effect_on_small_motions_is_told(solver: dict[str, Any]) -> 
     assert "the reference is not an equilibrium, because springs are loaded there" in said
 
 
-def test_undamped_modes_tell_of_drag_that_they_leave_out() -> None:
+def test_undamped_modes_report_neglected_drag() -> None:
     case = cantilever({"type": "eigen", "modes": 1, "about": "static", "damped": False}, [PUSH, DRAG])
     assert ancf2d.solve(case, states=False).warnings == [
         "these modes are undamped (damped: false), so the damping of loads.1 has no effect"]
 
 
 @pytest.mark.slow
-def test_the_equations_of_a_case_hold_drag_and_what_damps_at_a_time() -> None:
-    """Compared by SciPy's integrator with ``ancf2d.solve``: drag, a damper that begins, a fluid that speeds up."""
+def test_the_equations_of_a_case_include_drag_and_switched_dampers() -> None:
+    """Compared by SciPy's integrator with ``ancf2d.solve``: drag, a damper that begins, an accelerating fluid."""
     case = cantilever({"type": "dynamic", "t_end": 0.3, "tolerance": 1e-9, "method": "radau5"},
                       [{**PUSH, "value": [0, 3]}, DRAG], springs=[
                           {"type": "translational", "between": ["b@1", [1, 1]], "damping": 2,
@@ -124,8 +124,8 @@ def test_the_equations_of_a_case_hold_drag_and_what_damps_at_a_time() -> None:
     assert [tip[q] for q in ("ux", "uy", "vy")] == pytest.approx([due[q] for q in ("ux", "uy", "vy")], rel=1e-6)
 
 
-def test_an_input_that_does_nothing_is_told() -> None:
-    """A tendon that hangs loose in the state exerts nothing, and its slack may change."""
+def test_an_input_without_effect_is_reported() -> None:
+    """A slack tendon exerts nothing, and its slack may change."""
     tendon = {"name": "line", "type": "tendon", "through": ["b@1", [1, 0.5]], "stiffness": 1, "slack": -0.1}
     lifted = {"type": "force", "at": "b@1", "value": [0, 0.5]}
     spec = {"type": "frequency_response", "frequencies": [1], "inputs": ["line"], "about": "static"}

@@ -1,4 +1,4 @@
-"""Element types described in files: what is said of them holds, and all that is wrong is told at once."""
+"""Element types described in files: their properties hold, and all errors are reported at once."""
 
 import json
 
@@ -17,7 +17,7 @@ OMAR = {"name": "mine", "basis": ["1", "x", "y", "x*y", "x^2", "x^3"],
 
 
 def model(tmp_path, **more):
-    """Return the model of a cantilever with an element of its own."""
+    """Return the model of a cantilever with a custom element."""
     (tmp_path / "mine.yaml").write_text(json.dumps({**OMAR, **more}))
     case = {"bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [2, 0]},
                                 "section": {"height": 0.1, "width": 0.1}, "material": {"E": 1.0, "nu": 0.3},
@@ -33,7 +33,7 @@ def definition(basis, *coordinates, places=(0.0, 1.0)):
 @pytest.mark.parametrize(("quadrature", "rule"), [
     ("exact", ((5, 3), (5, 3))), ([2, 1], ((2, 1), (2, 1))),
     ({"normal": [3, 2], "shear": [1, 1]}, ((3, 2), (1, 1)))])
-def test_the_quadrature_of_a_definition_is_its_elements_default(tmp_path, quadrature, rule):
+def test_the_quadrature_of_a_definition_is_the_default_of_its_element(tmp_path, quadrature, rule):
     plan = model(tmp_path, quadrature=quadrature).meshes["beam"].plan
     assert (plan.rule.normal, plan.rule.shear) == rule
     assert plan.formulation.name == "continuum"
@@ -49,8 +49,8 @@ def test_a_description_of_a_listed_type_is_that_type(name):
     assert described.section_kind == known.section_kind
 
 
-def test_all_that_is_wrong_is_told_at_once_with_its_place(tmp_path):
-    """Values that cannot be read hide no problem of the others."""
+def test_all_problems_are_reported_at_once_with_their_lines(tmp_path):
+    """Unreadable values do not hide problems of others."""
     (tmp_path / "e.yaml").write_text("""\
 name: 5
 basis: ["1", "x^^2", "sin(x)", "1"]
@@ -68,7 +68,7 @@ lobatto: 0.5
         ("nodes", 1, "coordinates", 1), ("nodes", 2, "at")}
 
 
-def test_a_case_tells_what_is_wrong_in_the_file_of_its_element(tmp_path):
+def test_a_case_reports_problems_in_the_file_of_its_element(tmp_path):
     with pytest.raises(CaseError, match=r"mine\.yaml:1:.*'z' is not a power of x"):
         model(tmp_path, basis=["1", "x", "y", "x*y", "x^2", "z"])
 
@@ -77,7 +77,7 @@ def test_a_case_tells_what_is_wrong_in_the_file_of_its_element(tmp_path):
     (["1", "x", "y"], ["r", "r_y"], "3 basis functions for 4 nodal coordinates"),
     (["1", "x"], ["r_x"], "need the coordinate r"),
     (["1", "x"], ["r", "r_x", "theta"], "theta needs r at the same node")])
-def test_what_is_no_element(basis, coordinates, words):
+def test_files_that_are_not_elements(basis, coordinates, words):
     assert any(words in issue.message for issue in element_issues(definition(basis, *coordinates)))
 
 
@@ -99,7 +99,7 @@ def test_listed_types_are_well_determined_at_any_length(name):
     assert max(condition(ELEMENTS[name], length, 0.3) for length in (0.1, 1.0, 100.0)) < 1e7
 
 
-def test_the_condition_number_does_not_depend_on_how_the_basis_is_written():
+def test_the_condition_number_does_not_depend_on_the_form_of_the_basis():
     nodes = ("r", "r_x", "r_y")
     plain = own_element(definition(["1", "x", "y", "x*y", "x^2", "x^3"], *nodes))
     mixed = own_element(definition(["1", "1 + x", "x - 3*y", "5*x*y", "x^2 + x^3", "x^3"], *nodes))

@@ -1,4 +1,4 @@
-"""The effect of a number of a case on the equations of motion: varied models, reduced to what differs."""
+"""The effect of a number of a case on the equations of motion: varied models, reduced to the parts that differ."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from ...kernels.motion.state import scratch
 from ...kernels.points import Points
 from ...model.breakpoints import motion_pieces
 from ...model.groups import of_elements, unlike
-from ...model.interactions import point_table
 from ...model.mesh import Index
 from ...model.model import Model
+from ...model.point_tables import point_table
 from ..linear import fluid_masses, full_mass, point_masses, scattered, unknowns_to_coordinates
 from ..motion.dynamic import Run
 from ..motion.problem import make_problem, with_own_tables
@@ -49,7 +49,7 @@ _ALONG = {"p0": "field", "drift": "field", "dofs": "dof", "span": "dof", "G": "e
 
 
 class Differing:
-    """Problems of models with a number varied, reduced to what the number changes.
+    """Problems of models with a number varied, reduced to the parts that the number changes.
 
     ``weights`` (k, models) give k differences of the models' values. Raises UnsuitedError if the times of corners of
     signals change.

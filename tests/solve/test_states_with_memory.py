@@ -1,4 +1,4 @@
-"""States of materials with memory, read after the run has gone on: each with what its elements remembered there."""
+"""Stored states of materials with memory, read later: each with the memory of its elements at that state."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 import ancf2d
 from ancf2d.results import open_results
 from ancf2d.solvers.fields import FieldReader
-from ancf2d.solvers.post import Observer, energies, reactions
+from ancf2d.solvers.state_results import Observer, energies, reactions
 from ancf2d.study.record import Progress
 from ancf2d.study.run import run_case
 
@@ -24,7 +24,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
 
 
 def pulled(material: str) -> Any:
-    """Return a bar that is stretched to 4 e_y, back to none and to half of that."""
+    """Return a bar that is stretched to 4 e_y, back to zero and to half of that."""
     solver = {"type": "static", "steps": 8} if material == "yields" else {"type": "quasi_static", "t_end": 1,
                                                                            "tolerance": 1e-3}
     course = {"type": "table", "t": [0, 0.3, 0.7, 1], "value": [0, 4 * FIRST * LENGTH, 0, 2 * FIRST * LENGTH]}
@@ -39,7 +39,7 @@ def pulled(material: str) -> Any:
 
 @pytest.mark.slow_rows("relaxes")
 @pytest.mark.parametrize("material", MATERIALS)
-def test_section_forces_of_all_states_balance_the_reaction_there(material: str) -> None:
+def test_section_forces_of_all_states_balance_their_reactions(material: str) -> None:
     states: list[Any] = []
     model = run_case(pulled(material), progress=Progress(state=states.append)).model
     observer, reader = Observer(model), FieldReader(model)
@@ -56,8 +56,8 @@ def test_section_forces_of_all_states_balance_the_reaction_there(material: str) 
         assert energies(model, first)["strain"] == pytest.approx(0.5 * E * strain**2 * AREA * LENGTH, rel=1e-9)
 
 
-def test_a_file_begins_with_the_reference_which_remembers_nothing(tmp_path: Path) -> None:
-    """With few steps, the first one yields; neither forces nor stresses of the reference tell of that."""
+def test_a_file_begins_with_the_reference_without_memory(tmp_path: Path) -> None:
+    """With few steps, the first one yields; the reference still has zero forces and stresses."""
     case = pulled("yields")
     run_case(case, str(tmp_path / "bar.h5"))
     with open_results(tmp_path / "bar.h5") as found:
@@ -71,7 +71,7 @@ def test_a_file_begins_with_the_reference_which_remembers_nothing(tmp_path: Path
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
 @pytest.mark.parametrize("material", MATERIALS)
 def test_energy_is_in_balance_within_steps_too(material: str, method: str) -> None:
-    """What materials take up to a time inside a step is dissipated by then: it never falls, and the sum is constant."""
+    """Dissipation of materials up to a time inside a step never falls, and the total is constant."""
     period = float(4 * LENGTH * np.sqrt(7850 / E))
     body = {"geometry": h.line(LENGTH), "element": h.element("cable", 2), "section": {"height": 0.01, "width": 0.01},
             "material": {"E": E, "nu": 0.3, "rho": 7850, **MATERIALS[material]}}

@@ -1,4 +1,4 @@
-"""What docs/motion.md measures, in small: conservation, steady rotation, too long steps, joints."""
+"""Small versions of the measurements in docs/motion.md: conservation, steady rotation, long steps, joints."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize("element", ["vallejo", "cable"])
-def test_ten_thousand_steps_keep_energy_and_momentum(element: str) -> None:
+def test_ten_thousand_steps_conserve_energy_and_momentum(element: str) -> None:
     found = conservation.drift(element, 10_000)
     assert found["strain"] > 0.05
     assert found["energy"] < 1e-11
@@ -17,7 +17,7 @@ def test_ten_thousand_steps_keep_energy_and_momentum(element: str) -> None:
     assert found["angular"] < 1e-11
 
 
-def test_steady_rotation_keeps_its_strain_energy() -> None:
+def test_steady_rotation_conserves_its_strain_energy() -> None:
     element, solver = conservation.WAYS[0]
     change, steps, _ = conservation.steady(element, solver, 20)
     assert steps > 20_000
@@ -25,7 +25,7 @@ def test_steady_rotation_keeps_its_strain_energy() -> None:
 
 
 @pytest.mark.parametrize("element", ["omar", "2d2n", "vallejo", "cable", "reissner3"])
-def test_a_thousand_turns_strain_nothing(element: str) -> None:
+def test_a_thousand_turns_cause_no_strain(element: str) -> None:
     assert conservation.turned_strain(element, 1000 + 1 / 3) < 3e-14
 
 
@@ -35,7 +35,7 @@ def fine() -> runs.Motion:
 
 
 @pytest.mark.parametrize("method", traps.METHODS)
-def test_steps_that_are_too_long_do_not_pass_for_good_ones(method: str, fine: runs.Motion) -> None:
+def test_too_long_steps_are_recognised(method: str, fine: runs.Motion) -> None:
     found = traps.trap("reissner3", method, "dt: 0.01", 8, fine)
     assert found.honest
     assert found.code in (0, 2)
@@ -57,7 +57,7 @@ def test_an_estimate_far_below_the_truth_misleads() -> None:
 
 
 @pytest.mark.parametrize("joint", joints.JOINTS, ids=lambda j: j.name)
-def test_joints_hold_by_their_log_and_by_their_probes(joint: joints.Joint) -> None:
+def test_joints_hold_in_their_log_and_at_their_probes(joint: joints.Joint) -> None:
     log, seen = joints.hold(joint, "method: generalized_alpha, dt: 1e-3, estimate: false")
     assert log < 1e-13
     assert seen is None or seen < 1e-12

@@ -104,7 +104,7 @@ def _by_order(levels: Sequence[Level]) -> tuple[Estimate, float]:
         # an observed order says nothing about the next mesh; the last changes bound the next one
         error = DOUBTFUL * max(gaps)
         why = "a point slides along a body, so its kink moves through the elements" if levels[-1].kinks else (
-            "a peak may be another one on each mesh")
+            "the peak may differ between meshes")
         return Estimate(f[-1], error, None, False, f"{why}: no order"), error / size
     if levels[-1].zones:
         return _of_zones(n, f, size)
@@ -137,5 +137,5 @@ def _of_zones(n: Sequence[float], f: Sequence[float], size: float) -> tuple[Esti
     last = [abs(b - a) * (k / n[-1])**order for (a, b), k, order in zip(
         list(pairwise(f))[::-1], n[:0:-1], OF_ZONES, strict=False)]
     error = DOUBTFUL * max(last) / math.expm1(p * math.log(n[-1] / n[-2]))
-    return Estimate(f[-1], error, p, False, "zones that yield, bend on a curve or touch end within elements: no order "
-                    f"shows, and changes are taken to fall like h^{p:g}"), error / size
+    return Estimate(f[-1], error, p, False, "zones of yield, nonlinear curves or contact end within elements: no order "
+                    f"can be observed, and changes are assumed to fall like h^{p:g}"), error / size

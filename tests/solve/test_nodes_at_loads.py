@@ -1,4 +1,4 @@
-"""Nodes stand where something acts, for no element has a kink inside."""
+"""Nodes at loads and constraints, as elements cannot have a kink inside."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EXACT = ["vallejo", "reissner3", "cable"]
 
 
 def acting(name: str, count: int) -> dict[str, Any]:
-    """Return an element of a body that has nodes where something acts."""
+    """Return an element of a body with nodes at loads and constraints."""
     return helpers.element(name, count, nodes="acting", **({"formulation": "structural"} if name == "vallejo" else {}))
 
 
@@ -36,7 +36,7 @@ def simply_supported(name: str, count: int, angle: float = 0.0) -> helpers.Solut
 
 @pytest.mark.parametrize("count", [1, 3, 8])
 @pytest.mark.parametrize("name", EXACT)
-def test_a_force_anywhere_bends_a_beam_as_beam_theory_says(name: str, count: int) -> None:
+def test_a_force_anywhere_bends_a_beam_as_in_beam_theory(name: str, count: int) -> None:
     out = simply_supported(name, count, 0.7)
     a, b = A_AT * L, (1 - A_AT) * L
     shear = 0.0 if name == "cable" else a * b / (L * SECTION["kGA"])
@@ -65,20 +65,20 @@ def scene(count: int = 4, **what: Any) -> Any:
 
 
 @pytest.mark.parametrize("kind", ACTS)
-def test_everything_that_acts_has_a_node(kind: str) -> None:
+def test_every_load_and_constraint_has_a_node(kind: str) -> None:
     plan = build_model(scene(**ACTS[kind])).meshes["b"].plan
     assert plan.split == pytest.approx([0.3])
     assert plan.count == 4
 
 
-def test_what_only_looks_on_or_slides_needs_no_node() -> None:
+def test_probes_and_sliding_points_need_no_node() -> None:
     slide = [{"type": "prismatic", "point": "c@0", "on": "b"}]
     model = build_model(scene(joints=slide, output={"probes": {"p": "b@0.37"}}))
     assert model.meshes["b"].plan.split == []
 
 
 @pytest.mark.parametrize("name", ["vallejo", "2d3n", "reissner3"])
-def test_equal_elements_stay_the_same_to_the_last_bit_where_their_nodes_will_do(name: str) -> None:
+def test_equal_elements_stay_the_same_to_the_last_bit_if_their_nodes_suffice(name: str) -> None:
     models = []
     for nodes in ("acting", "regular"):
         body = helpers.body(helpers.ARC, helpers.element(name, 6, nodes=nodes))
@@ -100,7 +100,7 @@ def test_a_mid_node_is_inside_an_element() -> None:
 
 @helpers.every_small_type
 def test_a_state_is_the_same_on_a_nested_mesh_with_other_elements(name: str) -> None:
-    """Of a mesh whose elements all are cut: displacements are polynomials that the finer one has, too."""
+    """On a mesh with all elements divided: displacements are polynomials that the finer one contains, too."""
     bodies = [{"b": helpers.body(helpers.line(L, 0.4), helpers.element(name, n, nodes="acting"))} for n in (3, 12)]
     bc = [{"type": "clamp", "at": "b@0"}]
     loads = [[{"type": "force", "at": f"b@{s}", "value": [0, 1]} for s in places]
@@ -178,7 +178,7 @@ def test_the_axial_strain_jumps_where_a_force_acts_along_a_bar(name: str, pull: 
 
 
 @pytest.mark.parametrize("name", SHARING)
-def test_two_halves_with_a_force_where_they_are_welded_are_one_bar(name: str) -> None:
+def test_two_halves_with_a_force_at_their_weld_are_one_bar(name: str) -> None:
     loads = [{"type": "force", "at": "b@1", "value": ALONG}]
     halves = helpers.solved({"b": bar(name, 2, length=0.5), "c": bar(name, 2, length=0.5, start=0.5)}, "linear_static",
                             bc=[CLAMP], joints=[{"type": "weld", "between": ["b@1", "c@0"]}], loads=loads)
@@ -187,8 +187,8 @@ def test_two_halves_with_a_force_where_they_are_welded_are_one_bar(name: str) ->
 
 
 @pytest.mark.parametrize("name", ["cable", "omar", "2d2n"])
-def test_sections_go_on_where_strains_jump(name: str) -> None:
-    """Of a bar bent far by forces along and across at its middle: the direction of the section is one."""
+def test_sections_are_continuous_where_strains_jump(name: str) -> None:
+    """A bar in large bending by forces along and across at its middle: the direction of the section is unique."""
     loads = [{"type": "force", "at": f"b@{s}", "value": value} for s, value in ((0.5, [2e3, -3e3]), (1, [0, 900.0]))]
     out = helpers.solved({"b": bar(name, 8)}, "static", bc=[CLAMP], loads=loads)
     here = out.point("b@0.5")
@@ -199,8 +199,8 @@ def test_sections_go_on_where_strains_jump(name: str) -> None:
     np.testing.assert_allclose([dot(c, e) for c in before.position()], out.r("b@0.5"), atol=1e-12)
 
 
-def test_strains_jump_at_points_alone() -> None:
-    """Where line loads begin, and in cables that move, the axial strain is one."""
+def test_strains_jump_only_at_points() -> None:
+    """At the start of line loads, and in moving cables, the axial strain is continuous."""
     line_load = [{"type": "distributed", "on": "b", "from": 0.5, "value": [1, 0]}]
     force = [{"type": "force", "at": "b@0.5", "value": [1, 0]}]
     moving = {"type": "dynamic", "t_end": 1.0, "dt": 0.1, "method": "newmark"}
@@ -216,7 +216,7 @@ def test_strains_jump_at_points_alone() -> None:
 
 @pytest.mark.parametrize("held", [{"type": "clamp", "hold": "all"},
                                   {"type": "fix", "coordinates": ["x", "rx_x", "rx_y"]}])
-def test_a_support_of_nodal_coordinates_holds_both_sides(held: dict[str, Any]) -> None:
+def test_a_support_of_nodal_coordinates_fixes_both_sides(held: dict[str, Any]) -> None:
     model = helpers.build({"b": bar("omar", 4)}, "eigen", bc=[{"at": "b@0.5", **held}])
     here = model.meshes["b"].dofs
     d = model.displacements(np.ones(model.numbering.n_unknowns), 0.0)[:model.n_q]
@@ -225,8 +225,8 @@ def test_a_support_of_nodal_coordinates_holds_both_sides(held: dict[str, Any]) -
 
 
 @pytest.mark.parametrize("name", ["cable", "omar"])
-def test_a_motion_starts_from_the_static_state_of_a_beam_on_which_more_acted(name: str, tmp_path: Any) -> None:
-    """A string that is plucked: the force that bent it is gone, and with it the second side of its node."""
+def test_a_motion_starts_from_the_static_state_of_a_beam_with_more_loads(name: str, tmp_path: Any) -> None:
+    """A plucked string: the force that bent it is gone, and with it the second side of its node."""
     from ancf2d.study.run import load as load_file
     from ancf2d.study.run import run_case
 
@@ -249,7 +249,7 @@ def test_a_motion_starts_from_the_static_state_of_a_beam_on_which_more_acted(nam
 
 @pytest.mark.parametrize("name", ["cable", "omar", "reissner3"])
 def test_a_motion_starts_from_the_equilibrium_of_its_own_mesh(name: str) -> None:
-    """Cables in motion have one r_x where something acts: the equilibrium of a mesh with two would not stand still."""
+    """Cables in motion have one r_x at a load: the equilibrium of a mesh with two would not be at rest."""
     model = helpers.build({"b": bar(name, 4)}, {"type": "dynamic", "t_end": 1.0, "dt": 0.1},
                           bc=[{"type": "clamp", "at": "b@0"}], initial={"from": "static"},
                           loads=[{"type": "force", "at": "b@0.6", "value": [200.0, 300.0]}])

@@ -1,4 +1,4 @@
-"""What the command line costs before it does anything."""
+"""The start of the command line: imports, help, completion."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ HEAVY = ("numpy", "scipy", "numba", "yaml", "h5py", "matplotlib")
 
 
 def modules_after(*commands: list[str]) -> list[set[str]]:
-    """Return which heavy packages a process has imported after each of some command lines."""
+    """Return which large packages a process has imported after each of some command lines."""
     found = run_python(f"""
 import json, sys
 from ancf2d.cli import main
@@ -47,9 +47,9 @@ def test_help_imports_no_library() -> None:
 
 
 @pytest.mark.parametrize("wanted", [None, "3"])
-def test_products_of_matrices_take_one_thread_unless_told_otherwise(monkeypatch: pytest.MonkeyPatch,
-                                                                    wanted: str | None) -> None:
-    """OpenBLAS reads how many it may have as NumPy loads it: the command line has said so by then."""
+def test_products_of_matrices_take_one_thread_by_default(monkeypatch: pytest.MonkeyPatch,
+                                                         wanted: str | None) -> None:
+    """OpenBLAS reads its number of threads when NumPy loads it: the command line must set it before."""
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     if wanted is not None:
         monkeypatch.setenv("OPENBLAS_NUM_THREADS", wanted)
@@ -77,7 +77,7 @@ def test_every_command_has_a_module_and_every_command_module_is_listed() -> None
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_no_default_stands_in_brackets_within_brackets(name: str) -> None:
+def test_no_default_has_nested_brackets(name: str) -> None:
     command = app.get_command(None, name)  # type: ignore[arg-type]
     assert "[default: (" not in " ".join(command.get_help(click.Context(command, info_name=name)).split())
 
@@ -102,8 +102,8 @@ def test_completion_names_commands_kinds_and_options() -> None:
     pytest.param(["ancf2d", "conv"], ["convergence"], marks=pytest.mark.slow),
     (["ancf2d", "run", "--acc"], ["--accuracy"]),
     pytest.param(["ancf2d", "completion", "f"], ["fish"], marks=pytest.mark.slow), (["ancf2d", "plot", "be"], [])])
-def test_bash_completes_once_it_has_read_what_completion_prints(words: list[str], expected: list[str],
-                                                                folder: Path) -> None:
+def test_bash_completes_with_the_printed_completion(words: list[str], expected: list[str],
+                                                    folder: Path) -> None:
     (folder / "bin").mkdir()
     program = folder / "bin" / "ancf2d"
     program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m ancf2d "$@"\n')
@@ -126,7 +126,7 @@ printf '%s\\n' "${{COMPREPLY[@]}}"
 
 
 @pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_other_shells_are_told_how_to_ask(shell: str, call: Callable[..., Result]) -> None:
+def test_other_shells_get_instructions(shell: str, call: Callable[..., Result]) -> None:
     script = call("completion", shell).stdout
     assert f"_ANCF2D_COMPLETE={shell}_complete" in script
 

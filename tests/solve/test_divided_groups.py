@@ -1,10 +1,10 @@
-"""Elements shared out to threads: parts have nothing in common, and bits do not depend on the number of threads."""
+"""Elements divided among threads: the parts are disjoint, and bits do not depend on the number of threads."""
 
 import helpers
 import numpy as np
 import pytest
 
-from ancf2d.solvers import threads
+from ancf2d.solvers import divided_groups
 from ancf2d.solvers.system import System
 
 ROUND = {"type": "arc", "center": [0, 0], "radius": 1.0, "from": 0, "to": 2 * np.pi}
@@ -12,14 +12,14 @@ LINE = {"type": "line", "start": [0, 0], "end": [2, 0]}
 
 
 def system_of(monkeypatch, wanted: int, shape=LINE, count: int = 40, name: str = "vallejo", **more) -> System:
-    monkeypatch.setattr(threads, "PART", 8)
+    monkeypatch.setattr(divided_groups, "PART", 8)
     monkeypatch.setenv("OMP_NUM_THREADS", str(wanted))
     bodies = {"b": helpers.body(shape, helpers.element(name, count))}
     return System(helpers.build(bodies, bc=[{"type": "clamp", "at": "b@0"}], **more))
 
 
 @pytest.mark.parametrize("name", [v[0] for v in helpers.DEFAULTS])
-def test_bits_are_the_same_whatever_the_number_of_threads(monkeypatch, name):
+def test_bits_are_the_same_for_any_number_of_threads(monkeypatch, name):
     found = []
     for wanted in (1, 2, 3):
         system = system_of(monkeypatch, wanted, name=name)
@@ -33,9 +33,9 @@ def test_bits_are_the_same_whatever_the_number_of_threads(monkeypatch, name):
         assert all(np.array_equal(a, b) for a, b in zip(found[0], other, strict=True))
 
 
-def test_what_is_shared_out_is_the_whole(monkeypatch):
+def test_parts_add_up_to_the_whole(monkeypatch):
     parted = system_of(monkeypatch, 2)
-    monkeypatch.setattr(threads, "PART", 1000)
+    monkeypatch.setattr(divided_groups, "PART", 1000)
     whole = System(parted.model)
     assert [len(stage) for stage in whole.divided.stages] == [1]
     d = helpers.random_state(parted.model, 1e-3)
@@ -47,7 +47,7 @@ def test_what_is_shared_out_is_the_whole(monkeypatch):
 
 
 @pytest.mark.parametrize("shape", [LINE, ROUND])
-def test_parts_touch_nothing_in_common(monkeypatch, shape):
+def test_parts_are_disjoint(monkeypatch, shape):
     system = system_of(monkeypatch, 2, shape)
     place = system.model.numbering.place
     for stage in system.divided.stages[:1]:
@@ -56,9 +56,9 @@ def test_parts_touch_nothing_in_common(monkeypatch, shape):
     assert sum(len(part.dofs) for stage in system.divided.stages for part in stage) == 40
 
 
-def test_bodies_whose_ends_share_unknowns_are_not_shared_out(monkeypatch):
+def test_bodies_whose_ends_share_unknowns_are_not_divided(monkeypatch):
     """A weld makes the coordinates of the last node combinations of those of the first."""
-    monkeypatch.setattr(threads, "PART", 8)
+    monkeypatch.setattr(divided_groups, "PART", 8)
     ring = {"b": helpers.body(ROUND, helpers.element("vallejo", 40))}
     model = helpers.build(ring, joints=[{"type": "weld", "between": ["b@0", "b@1"]}],
                           bc=[{"type": "clamp", "at": "b@0.5"}])

@@ -153,7 +153,8 @@ class Measures:
         for one, value in zip(met, found, strict=True):
             if not np.isfinite(value):
                 raise ComputationError(f"'{one.measure.text}' has no value here", at={"value": value},
-                                       advice="names of what the solver computes, and functions within their range")
+                                       advice="names of values that the solver computes, and functions within their "
+                                              "range")
         if self.parts is None:
             self.parts = self._divided(met, model.case.solver.moves)
         return np.concatenate([found, *(met[part.number].rows(part) for part in self.parts)])
@@ -339,7 +340,7 @@ class GoalValues:
 
     def terms(self, model: Model, states: Sequence[Any]) -> list[Term]:
         """Return the derivatives of the goals by probe quantities at each state."""
-        from ..solvers.post import Observer
+        from ..solvers.state_results import Observer
 
         observer, out = Observer(model, forces=False), list[Term]()
         for k, goal in enumerate(self.goals):
@@ -369,7 +370,7 @@ def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, force
     Reactions, energies and section forces at probes are included on request, all ``probes`` if none are named;
     ``goals`` over windows of time use all states.
     """
-    from ..solvers.post import Observer, energies, reactions
+    from ..solvers.state_results import Observer, energies, reactions
 
     state = states[-1]
     observer = Observer(model, named=probes)

@@ -101,7 +101,7 @@ class RecordedMotion(RepeatedMotion):
         # the window of signals for each row
         self.windows: list[Array] = []
         if self.stepper.moving or self.stepper.events or len(self.stepper.p.facing.item):
-            raise UnsuitedError("points move along bodies, or things begin to act")
+            raise UnsuitedError("points move along bodies, or items begin to act")
 
     def states(self) -> Iterator[State]:
         """Make the motion and yield its states. Raises ComputationError, and UnsuitedError if it has no adjoint.
@@ -135,13 +135,13 @@ class RecordedMotion(RepeatedMotion):
                 self.parts.append(Part(self._checkpoint(), behind=stepper.piece + 1))
                 columns += 0 if self.free.all() else 2 * self.entries.n
                 if columns > COLUMNS:
-                    raise UnsuitedError("constraints begin anew too often")
+                    raise UnsuitedError("constraints change too often")
                 pass_break(stepper, stepper.piece + 1)
                 part = Part(self._checkpoint())
                 continue
             if self.all_states:
                 if not self.free.all() and any(row.kind == INSIDE for row in step.rows):
-                    raise UnsuitedError("states within steps are put onto constraints")
+                    raise UnsuitedError("states within steps are projected onto constraints")
                 part.rows += [(part.count, len(self.rows) + k) for k in range(len(step.rows))]
                 self.rows += step.rows
                 self.windows += [stepper.p.programs.window.copy()] * len(step.rows)
