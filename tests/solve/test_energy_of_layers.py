@@ -8,7 +8,7 @@ import h5py
 import helpers as h
 import numpy as np
 import pytest
-from ancf2d.model.interactions import Batch
+from ancf2d.model.point_tables import Batch
 
 import ancf2d
 
