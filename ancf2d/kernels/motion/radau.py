@@ -329,7 +329,9 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
                 exact = False
                 bound_integrals(p, 0.0)
                 continue
-            if prediction == 0.0 or p.least_iterations > 1:
+            # where forces have no value, a start at z would only lead there in ever shorter steps
+            hopeless = outcome != NOT_CONVERGED and s.numbers[OLD_STEP] > 0.0
+            if prediction == 0.0 or p.least_iterations > 1 or hopeless:
                 return outcome, iterations, 0.0, rate
             # prediction errors in displacements do not show strains, which may be too large for Newton's method
             prediction = 0.0
