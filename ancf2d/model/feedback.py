@@ -11,7 +11,7 @@ import numpy as np
 
 from ..case import Dynamic, Expression, Gated, Latch, Pid, jets
 from ..case.programs import state_programs, value_at
-from ..case.schema.controllers import equations
+from ..case.schema.controllers import PULL, RATE_SIGN, equations
 from ..case.syntax import Chain, Choice, Comparison, Constant, Tree, named_in, syntax
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
@@ -49,7 +49,8 @@ class Feedback:
     """The quantities of a motion on which something depends, its controllers, and the conditions that are monitored.
 
     ``names`` are those of the quantities, then of the states; ``meaning`` maps a name to its number or, for a
-    controller, to the tree of its output. ``states`` are the names of controller states, CONTROLLER:STATE.
+    controller, to the tree of its output. ``states`` are the names of controller states, CONTROLLER:STATE,
+    ``bounded`` the numbers of those that stop where an output is limited, whose rates then are among the names, too.
     """
 
     def __init__(self, model: Any, signals: list[FeedbackSignal]) -> None:
@@ -62,7 +63,10 @@ class Feedback:
         used += [name for tree in (*self._trees(), *self.condition_trees) for name in named_in(tree)]
         probed = dict.fromkeys(name for name in used if "." in name)
         self.quantities = [quantity_of(model, name) for name in probed]
-        self.names = [*probed, *self.states]
+        named = {name for tree in self.rates for name in named_in(tree)}
+        self.bounded = [k for k, state in enumerate(self.states) if state + RATE_SIGN in named]
+        self.names = [*probed, *self.states, *(self.states[k] + RATE_SIGN for k in self.bounded),
+                      *([PULL] if self.bounded else [])]
         self.meaning: dict[str, int | Tree] = {name: k for k, name in enumerate(self.names)}
         self.meaning |= {name: c.output for name, c in self.controllers.items()}
         # caches: programs, with the functions that they evaluate, and the order of controllers that act at the same
@@ -144,7 +148,8 @@ class Feedback:
             elif rotation is not None:
                 out[k] = (model.turns.theta(rotation, e, d, turned) if kind == ANGLE
                           else rotation.gradient(e) @ v[rotation.dofs])
-        out[len(self.quantities):] = states
+        first = len(self.quantities)
+        out[first:first + len(self.states)] = states
         return out
 
     def _program(self, functions: list[Any]) -> jets.Programs:
@@ -176,7 +181,7 @@ class Feedback:
             c = self.controllers[name]
             for state, value in self.evaluate(c.samples, t, out).items():
                 out[self.names.index(state)] = value
-        return out[len(self.quantities):]
+        return out[len(self.quantities):len(self.quantities) + len(self.states)]
 
     def outputs(self, t: float, values: Array) -> dict[str, dict[str, float]]:
         """Return the output of every controller and its states."""
@@ -212,7 +217,8 @@ class Feedback:
     def _finite(self, value: float, what: str, t: float, values: Array) -> float:
         if math.isfinite(value):
             return value
-        used = {name: float(f"{x:.6g}") for name, x in zip(self.names, values, strict=True)}
+        used = {name: float(f"{x:.6g}") for name, x in zip(self.names, values, strict=True)
+                if RATE_SIGN not in name}
         what = next(self._origins(t, values), f"the controller's {what}" if ":" in what else what)
         raise ComputationError(f"{what} has no value: it divides by zero, or a square root or a power is not real",
                                at={"t": t, **used}, advice="guard the expression with 'a if c else b'")

@@ -32,6 +32,8 @@ from .amplitudes import ExpressionText
 
 # width of the band around a limit in which integration fades out, relative to the range between the limits
 BAND = 1e-10
+# the rate of a state has its name and this sign; name of a number in rates of limited integrals (``_bounded``)
+RATE_SIGN, PULL = "'", "pull'"
 
 
 class Identifiers(MapOf):
@@ -150,7 +152,7 @@ def _continuous(name: str, pid: Pid) -> Equations:
     if pid.ki != 0.0:
         state, gain = f"{name}:integral", _times(Constant(pid.ki), e)
         total = _plus(total, Quantity(state))
-        initial[state], rates[state] = Constant(0.0), _faded(gain, total, pid.limit)
+        initial[state], rates[state] = Constant(0.0), _bounded(gain, total, pid.limit, state)
     return Equations(initial, rates, _limited(total, pid.limit), None, {},
                      {_called(pid.input, f"{name}.input"): e})
 
@@ -190,16 +192,33 @@ def _stopped(gain: Tree, value: Tree, limit: tuple[float, float] | None) -> Tree
     return Choice(_compared(value, ">=", high), above, Choice(_compared(value, "<=", low), below, gain))
 
 
-def _faded(gain: Tree, value: Tree, limit: tuple[float, float] | None) -> Tree:
-    """Return the rate of the integral, faded out in a band around each limit of the output and zero beyond it.
+def _bounded(gain: Tree, value: Tree, limit: tuple[float, float] | None, state: str) -> Tree:
+    """Return the rate of the integral, between 0 and ``gain``: ``gain`` within the limits of the output, 0 beyond the
+    one towards which it would drive the output, and in between at that limit.
 
-    Fading only applies if the integral drives the output towards that limit. If the rest of the output falls while the
-    integral would raise it, the output stays at the limit. A rate that jumped there would have no solution, as it would
-    need both values at once. The band is centred on the limit, so that an output that crosses it loses as much before
-    the limit as it gains after it.
+    If the rest of the output falls while the integral would raise it, the output stays at the limit. Where the rate r
+    is an unknown, it solves r = r + PULL (limit - value), cut to these bounds, whatever the positive PULL; else PULL is
+    0, and the rate fades out in a band.
     """
     if limit is None:
         return gain
+    zero, r = Constant(0.0), Quantity(state + RATE_SIGN)
+
+    def moved(end: float) -> Tree:
+        return _plus(r, _times(Quantity(PULL), _minus(Constant(end), value)))
+    up, down = moved(limit[1]), moved(limit[0])
+    rises = Choice(_compared(up, "<", zero), zero, Choice(_compared(up, ">", gain), gain, up))
+    falls = Choice(_compared(down, ">", zero), zero, Choice(_compared(down, "<", gain), gain, down))
+    exact = Choice(_compared(gain, ">", zero), rises, falls)
+    return Choice(_compared(Quantity(PULL), ">", zero), exact, _faded(gain, value, limit))
+
+
+def _faded(gain: Tree, value: Tree, limit: tuple[float, float]) -> Tree:
+    """Return the rate of the integral, faded out in a band around each limit of the output and zero beyond it.
+
+    A rate that jumped there would have no solution, as it would need both values at once. The band is centred on the
+    limit, so that an output that crosses it loses as much before the limit as it gains after it.
+    """
     band, half, one, zero = map(Constant, (BAND * (limit[1] - limit[0]), 0.5, 1.0, 0.0))
 
     def share(inside: Tree) -> Tree:

@@ -40,8 +40,9 @@ class Feedback(NamedTuple):
     residual per unit signal by dead loads that follow it; items : point laws that follow signal j, from first[j] to
     first[j + 1]; programs : of signals, rates of states, conditions, and their margins (``model.feedback.margin``);
     watched (conditions,) : PASSED, WAITING or HOLDS (``events``); clock : row of the signal t; states : m; time_scale :
-    a time in which states change [s]; scale (m,) : largest sizes of states so far. Work space: values (q,), slopes (1 +
-    q, and three margins of each condition), rates (m,), full (n_full,), column (n,).
+    a time in which states change [s]; scale (m,) : largest sizes of states so far; bounded : whether integrals stop at
+    limits, with the pull of ``controllers._bounded`` as the last of ``start``. Work space: values (q,), slopes (1 + q,
+    and three margins of each condition), rates (m,), full (n_full,), column (n,).
     """
 
     kind: Any
@@ -61,6 +62,7 @@ class Feedback(NamedTuple):
     states: int
     time_scale: float
     scale: Any
+    bounded: bool
     values: Any
     slopes: Any
     rates: Any
@@ -216,6 +218,17 @@ def feedback_accept(p, w):  # type: ignore[no-untyped-def]
 
 
 @inner
+def bound_integrals(p, rate):  # type: ignore[no-untyped-def]
+    """Let integrals stop at limits exactly in a step with this derivative of rates by unknowns [1/s], or in a band (0).
+
+    If distances from limits counted more, Newton's method would alternate between the full rate and none
+    (``controllers._bounded``).
+    """
+    if p.feedback.bounded:
+        p.feedback.start[len(p.feedback.start) - 1] = rate
+
+
+@inner
 def weigh_state(p, s, j, rate):  # type: ignore[no-untyped-def]
     """Set the weight of state j in error norms: relative to its largest size, or to ``time_scale`` times its rate."""
     scale = max(p.feedback.scale[j], p.feedback.time_scale * rate)
@@ -338,4 +351,4 @@ def feedback_functions(fronts: bool, problem: Any) -> dict[Any, tuple[Any, ...]]
 def no_feedback(programs: Any) -> Feedback:
     """Return feedback without quantities, signals and states, which has the type of all."""
     x, n, two = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
-    return Feedback(n, n, n, x, x, x, x, n, two, n, n, programs, n, 0, 0, 0.0, x, x, x, x, x, x)
+    return Feedback(n, n, n, x, x, x, x, n, two, n, n, programs, n, 0, 0, 0.0, x, False, x, x, x, x, x)

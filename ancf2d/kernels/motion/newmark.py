@@ -19,7 +19,7 @@ from .contact_steps import (
     unfix_active_set,
 )
 from .dynamics import add_mass, factor, has_converged, norm, record_increment, residual, signals_at, solve_with
-from .feedback import weigh_state
+from .feedback import bound_integrals, weigh_state
 from .friction import has_friction
 from .prediction import best_prediction
 from .state import (
@@ -305,6 +305,8 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     signals_at(p, t + h, w.amps)
     prediction = 2.0 - s.numbers[STARTS_CONSISTENT] if p.sided else s.numbers[PREDICTION]
     _go_to(m, p, s, h, prediction)
+    # without damping, rates that a limit determines would oscillate more and more, as multipliers do
+    bound_integrals(p, m.gamma / (m.beta * h) if m.gamma > 0.5 else 0.0)
     outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
     failed = outcome == NOT_CONVERGED and prediction > 0.0 and (p.sided or p.least_iterations == 1)
     if failed:
@@ -314,6 +316,7 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
         _go_to(m, p, s, h, 0.0)
         outcome, more, rate = _iterate(m, p, w, s, h, ca)
         iterations += more
+    bound_integrals(p, 0.0)
     if p.sided:
         unfix_active_set(p)
     if outcome != DONE:

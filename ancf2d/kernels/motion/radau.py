@@ -20,7 +20,7 @@ from ..lowlevel.records import array_at
 from ..moving import add_moving_product
 from ..patches import violation
 from .dynamics import SATISFIED, norm, record_increment, residual, signals_at, solve_with, to_full, weighted_norm
-from .feedback import weigh_state
+from .feedback import bound_integrals, weigh_state
 from .prediction import best_prediction_of_stages, predict_stages
 from .reused_tangent import count, tangent, turn, turns
 from .stages import TILE, combine, give, let_relax, place, ungive
@@ -305,6 +305,8 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     relaxes, prediction = len(m.relaxing.runs) > 0, s.numbers[PREDICTION]
     if relaxes:
         calls.begin_stages(m.relaxing.calls, (m, h))
+    exact = p.feedback.bounded
+    bound_integrals(p, m.mu / h)
     while True:
         predict_stages(m, p, s, h, prediction)
         _rates(m, s, h, False)
@@ -312,6 +314,7 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
         if not tangent(m, p, w, s, t, h):
             s.numbers[TANGENT_STEP] = 0.0
             ungive(m.relaxing)
+            bound_integrals(p, 0.0)
             return SINGULAR, 1, 0.0, s.numbers[CONTRACTION]
         kept = s.numbers[TANGENT_TIME] < t
         turns(m, p, w, s)
@@ -321,10 +324,18 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
             break
         s.numbers[TANGENT_STEP] = 0.0
         if not kept:
-            if prediction == 0.0 or p.least_iterations > 1:
+            if exact:
+                # stages on different sides of a switch share a tangent that fits one side: a band makes it smooth
+                exact = False
+                bound_integrals(p, 0.0)
+                continue
+            # where forces have no value, a start at z would only lead there in ever shorter steps
+            hopeless = outcome != NOT_CONVERGED and s.numbers[OLD_STEP] > 0.0
+            if prediction == 0.0 or p.least_iterations > 1 or hopeless:
                 return outcome, iterations, 0.0, rate
             # prediction errors in displacements do not show strains, which may be too large for Newton's method
             prediction = 0.0
+    bound_integrals(p, 0.0)
     m.held[2] = iterations
     m.held[3] = calls.lost_in_relaxing(m.relaxing.calls, (p, w, s, m)) if relaxes else 0.0
     error = _error(m, p, w, s, h, kept)

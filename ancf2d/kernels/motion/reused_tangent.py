@@ -112,9 +112,10 @@ def add_moduli(p, w, z, v, m, h):  # type: ignore[no-untyped-def]
 def _serves(m, p, s, h):  # type: ignore[no-untyped-def]
     """Return whether the tangent of an earlier step is used again.
 
-    With point laws or joints it is not: their tangents depend on history and could not be reproduced after a resume.
+    With point laws, joints or limited integrals it is not: their tangents depend on history and could not be reproduced
+    after a resume.
     """
-    if m.full or p.patched:
+    if m.full or p.patched or p.feedback.bounded:
         return False
     # equal steps differ by the round-off of their times
     return abs(s.numbers[TANGENT_STEP] - h) <= 1e-9 * h

@@ -40,7 +40,7 @@ from ...kernels.moving import moving_functions
 from ...kernels.patches import patch_functions
 from ...kernels.sliding import sliding_check
 from ...kernels.tangents import fill_products
-from ...model.feedback import POSITION
+from ...model.feedback import POSITION, RATE
 from ...model.groups import with_own_arrays, with_prescribed, with_states
 from ...model.model import Model
 from ...model.point_tables import point_table, turning_table
@@ -162,8 +162,9 @@ def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str,
         **_quantities(model), last_angle=np.zeros(names), row=rows, columns=columns,
         first=np.cumsum([0, *map(len, items)]), items=np.concatenate([np.zeros(0, dtype=np.int64), *items]),
         programs=found.programs(), watched=np.zeros(waited, dtype=np.int64), clock=clock, states=m,
-        time_scale=SOON * getattr(model.case.solver, "t_end", 0.0), scale=np.zeros(m), values=np.zeros(names),
-        slopes=np.zeros(1 + names + 3 * waited), rates=np.zeros(m), full=np.zeros(n_full + m), column=np.zeros(n + m))
+        time_scale=SOON * getattr(model.case.solver, "t_end", 0.0), scale=np.zeros(m), bounded=bool(found.bounded),
+        values=np.zeros(names), slopes=np.zeros(1 + names + 3 * waited), rates=np.zeros(m), full=np.zeros(n_full + m),
+        column=np.zeros(n + m))
 
     def longer(x: Array, value: float = 0.0) -> Array:
         return np.ascontiguousarray(np.pad(x, [(0, 0)] * (x.ndim - 1) + [(0, m)], constant_values=value))
@@ -196,13 +197,14 @@ def _quantities(model: Model) -> dict[str, Array]:
         along.append(one)
         across.append(two)
         start.append(q.along.p0)
-    m = len(found.states)
-    none, one = np.zeros(0), np.ones(m)
-    return {"kind": np.array([*kind, *[POSITION] * m], dtype=np.int64),
-            "begin": np.cumsum([0, *map(len, coords), *[1] * m]),
-            "coords": np.concatenate([none, *coords, n_full + np.arange(m)]).astype(np.int64),
+    m, bounded = len(found.states), found.bounded
+    more = m + len(bounded)
+    none, one, pull = np.zeros(0), np.ones(more), [0.0] if bounded else []
+    return {"kind": np.array([*kind, *[POSITION] * m, *[RATE] * len(bounded), *[POSITION] * len(pull)], dtype=np.int64),
+            "begin": np.cumsum([0, *map(len, coords), *[1] * more, *[0] * len(pull)]),
+            "coords": np.concatenate([none, *coords, n_full + np.array([*range(m), *bounded])]).astype(np.int64),
             "along": np.concatenate([none, *along, one]), "across": np.concatenate([none, *across, 0.0 * one]),
-            "start": np.array([*start, *[0.0] * m])}
+            "start": np.array([*start, *[0.0] * more, *pull])}
 
 
 def with_own_tables(problem: Record, model: Model) -> Record:
@@ -220,7 +222,8 @@ def with_own_tables(problem: Record, model: Model) -> Record:
         # contact points write the element that they are opposite to
         points = with_own(points, "dofs", "G", "p0", "par")
         changes["facing"] = with_own(p.facing, "now", "chords", "boxes")
-    feedback = with_own(p.feedback, "last_angle", "scale", "values", "slopes", "rates", "full", "column", "watched")
+    feedback = with_own(p.feedback, "start", "last_angle", "scale", "values", "slopes", "rates", "full", "column",
+                        "watched")
     return problem.replaced(
         groups, **changes, groups=addresses(groups), states=states, prescribed=prescribed, slopes=slopes,
         straining=p.straining.copy(), weights=p.weights.copy(), stops=p.stops.copy(),
