@@ -8,9 +8,9 @@ import h5py
 import helpers as h
 import numpy as np
 import pytest
-from ancf2d.model.point_tables import Batch
 
 import ancf2d
+from ancf2d.model.point_tables import Batch
 
 RUBBER = {"E": 1e7, "nu": 0.3, "rho": 1000.0}
 RIGID = {"type": "rigid"}
