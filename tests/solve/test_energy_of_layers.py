@@ -155,7 +155,8 @@ def test_a_block_that_slides_off_the_end_of_a_plank_conserves_energy(order, elem
     assert drift(sliding(order, element, friction), 0.2) < 1e-4
 
 
-@pytest.mark.parametrize("name", ["vallejo", pytest.param("2d2n", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["vallejo", "2d2n"])
 def test_the_end_of_a_body_rubs_alike_with_all_kinds_of_sections(name):
     """The place on an end is the height in the section, also where positions across it are interpolated."""
     def lost(element: str) -> float:
@@ -211,7 +212,8 @@ def test_a_motion_from_an_equilibrium_with_layers_stays_there(scene):
     assert found.energies["kinetic"].max() < 1e-15 * found.energies["strain"].max()
 
 
-@pytest.mark.parametrize("scene", HELD)
+@pytest.mark.parametrize("scene", ["drum", pytest.param("post", marks=pytest.mark.slow),
+                                   pytest.param("leaves", marks=pytest.mark.slow)])
 def test_a_motion_from_a_file_of_statics_stays_in_its_equilibrium(scene, tmp_path):
     """With what the points of layers remember, and with pressure that fades near ends. Older files lack the memory."""
     case, path = HELD[scene], tmp_path / "still.h5"
