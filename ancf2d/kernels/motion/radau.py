@@ -34,10 +34,14 @@ from .state import (
     OLD_STEP,
     PREDICTION,
     SINGULAR,
+    START_WAIT,
     TANGENT_STEP,
     TANGENT_TIME,
 )
 from .step_control import increment_tolerance, round_off
+
+# failures of Newton's method after one also from z for which it is not tried there: in stiff motions it hardly helps
+WAIT = 4.0
 
 
 @inner
@@ -330,8 +334,10 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
                 bound_integrals(p, 0.0)
                 continue
             # where forces have no value, a start at z would only lead there in ever shorter steps
-            hopeless = outcome != NOT_CONVERGED and s.numbers[OLD_STEP] > 0.0
+            waits = s.numbers[START_WAIT] > 0.0
+            hopeless = s.numbers[OLD_STEP] > 0.0 and (outcome != NOT_CONVERGED or waits)
             if prediction == 0.0 or p.least_iterations > 1 or hopeless:
+                s.numbers[START_WAIT] = s.numbers[START_WAIT] - 1.0 if waits else WAIT if prediction == 0.0 else 0.0
                 return outcome, iterations, 0.0, rate
             # prediction errors in displacements do not show strains, which may be too large for Newton's method
             prediction = 0.0

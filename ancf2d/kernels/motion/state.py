@@ -35,7 +35,9 @@ ENGAGED_STEP, RATE_ERRORS, FASTEST = range(28, 31)
 IMPACT_ITEM, IMPACT_POINTS, IMPULSE, IMPACT_LOSS = range(31, 35)
 # how Newton's method starts in this step and the next (``prediction``); negative: for how many steps it starts at z
 PREDICTION, NEXT_PREDICTION = 35, 36
-NUMBERS = 37
+# for how many failures of Newton's method Radau's methods do not try to start at z, because that failed, too
+START_WAIT = 37
+NUMBERS = 38
 
 _angle_near = inner(angle_near)
 # number of Newton increments kept for messages
