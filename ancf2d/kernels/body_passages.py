@@ -1,5 +1,5 @@
-"""What contact points do not see: where a body is deepest in another one between them, and points that pass through a
-body between two states and are outside it in both."""
+"""Penetrations that contact points miss: where a body is deepest in another one between its points, and points that
+pass through a body between two states and are outside it in both."""
 
 from __future__ import annotations
 

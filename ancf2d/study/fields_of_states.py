@@ -90,7 +90,7 @@ class StatesWithFields(Results):
     def _state(self, i: int) -> State:
         """Return a stored state in the form in which its solver yielded it."""
         from ..solvers.state import State
-        from ..solvers.statics.newton import equilibrium_at
+        from ..solvers.statics.stored_equilibria import equilibrium_at
 
         model = self._model
         assert model is not None

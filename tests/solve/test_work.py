@@ -152,3 +152,13 @@ def test_one_tangent_too_many_is_detected(monkeypatch: pytest.MonkeyPatch) -> No
     stored = json.loads(STORED.read_text(encoding="utf-8"))[name]
     monkeypatch.setattr(system.System, "assemble", twice)
     assert CASES[name](monkeypatch)["force_tangent"] == 2 * stored["force_tangent"]
+
+
+def test_starts_that_fail_are_seldom_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where Newton's method limits the steps of a thin steel bar, it fails from the start of a step, too."""
+    bar = h.body(h.line(1.8), h.element("reissner3", 8), {"height": 0.01, "width": 0.01},
+                 {"E": 2.07e11, "nu": 0.3, "rho": 7850})
+    found = moving({"bodies": {"a": bar}, **PINNED}, 1.5, tolerance=1e-4)(monkeypatch)
+    assert found["rejected"] > 10
+    # each step and each failure needs a tangent; one more for a second start
+    assert found["tangents"] - found["steps"] - found["rejected"] < 0.5 * found["rejected"]

@@ -337,7 +337,10 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
             waits = s.numbers[START_WAIT] > 0.0
             hopeless = s.numbers[OLD_STEP] > 0.0 and (outcome != NOT_CONVERGED or waits)
             if prediction == 0.0 or p.least_iterations > 1 or hopeless:
-                s.numbers[START_WAIT] = s.numbers[START_WAIT] - 1.0 if waits else WAIT if prediction == 0.0 else 0.0
+                if waits:
+                    s.numbers[START_WAIT] -= 1.0
+                elif prediction == 0.0:
+                    s.numbers[START_WAIT] = WAIT
                 return outcome, iterations, 0.0, rate
             # prediction errors in displacements do not show strains, which may be too large for Newton's method
             prediction = 0.0

@@ -47,9 +47,13 @@ def initial_motion(model: Model) -> tuple[Array, Array, Array]:
         d[:n_q], turned = _static(model)
     elif initial.from_ != "rest":
         d[:n_q], v[:n_q], turned = _from_file(model, initial.from_)
-        if _is_static(model, initial.from_):
+        if _has_layer_memory(model, initial.from_):
+            from ..statics.stored_equilibria import equilibrium_with_motion_layers
+
+            # if there is no such equilibrium, a warning says that the motion starts with a kick
             with suppress(CaseError, ComputationError):
-                d[:n_q] = _settled(model, d[:n_q], turned)
+                d[:n_q] = equilibrium_with_motion_layers(model, replace(_loaded(model), case=static_case(model.case)),
+                                                         d[:n_q], turned)
     e = model.e0 + d[:n_q]
     v[:n_q] = _rates(model, initial, e, v[:n_q])
     return d, v, model.turns.from_reference(d) if turned is None else turned
@@ -193,48 +197,12 @@ def _stored_memory(model: Model, results: Any) -> dict[str, Array]:
     return {name: rows for name, rows in found.items() if rows.shape == layer_memory(model)[name].shape}
 
 
-def _is_static(model: Model, name: str) -> bool:
+def _has_layer_memory(model: Model, name: str) -> bool:
     """Return whether a result file has the history variables of equilibria with layers."""
     from ...results import open_results
 
     with open_results(_path(model, name)) as results:
         return bool(_stored_memory(model, results))
-
-
-def _settled(model: Model, d: Array, turned: Array | None) -> Array:
-    """Return the displacements (n_q,) of the equilibrium beside d with layers as in motion, else d.
-
-    The forces that d does not balance with layers as in statics, as loads may change at t = 0, act on. Equilibria are
-    not sought without a law, nor under loads that depend on the motion, and bodies may have lost their supports.
-    """
-    from ..statics.newton import (
-        MAX_ITERATIONS,
-        TOLERANCE,
-        Start,
-        equilibrium_at,
-        equilibrium_near,
-        negative_pivots,
-    )
-    from ..system import System
-
-    soft = not any(pair.hard for pair in model.contacts) and any(pair.on_bodies for pair in model.contacts)
-    if not soft or getattr(model.timing, "feedback", None):
-        return d
-    case = replace(_loaded(model), case=static_case(model.case))
-    whole, fading = System(build_model(case)), System(build_model(case, moving=True))
-    if not np.array_equal(whole.model.e0, model.e0):
-        return d
-    for system in (whole, fading):
-        for name, rows in layer_memory(system.model).items():
-            rows[:] = layer_memory(model)[name]
-    full = np.zeros(len(whole.model.numbering.place))
-    full[:model.n_q] = d
-    turned = whole.model.turns.from_reference(full) if turned is None else turned
-    at = equilibrium_at(whole, 1.0, full, turned, False).d
-    fading.balancing_forces = whole.forces(at, 1.0).R
-    start = Start(at, negative_pivots(fading, at, 1.0), turned)
-    near = equilibrium_near(fading, start, 1.0, TOLERANCE, MAX_ITERATIONS)
-    return d if near is None else near.d[:model.n_q]
 
 
 def continues_from_file(model: Model) -> bool:
@@ -261,7 +229,7 @@ def layers_warnings(model: Model, d: Array) -> list[str]:
     """Return warnings if layers do not press as in the result file that a motion starts from, at its state d (n_full,).
 
     A file of a motion, or of an earlier version, has no memory of friction, and in statics layers press with their
-    whole pressure up to ends of bodies, unless ``_settled`` has found the equilibrium of the motion.
+    whole pressure up to ends of bodies, unless ``equilibrium_with_motion_layers`` has found that of the motion.
     """
     from ...results import open_results
 

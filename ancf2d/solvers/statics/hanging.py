@@ -8,6 +8,7 @@ potential falls, so that the motion ends in a minimum, which Newton's method the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, cast
@@ -61,12 +62,17 @@ def slack(model: Model) -> bool:
     return any(g * section.rhoA * length**3 > SLACK * section.EI for section, length in sections)
 
 
+def free_without(model: Model, springs: Sequence[Any]) -> bool:
+    """Return whether bodies could move freely without some springs."""
+    others = [spring for spring in model.springs if spring not in springs]
+    return bool(free_motions([*model.meshes.values()], model.rows, model.constraints, others, model.e0))
+
+
 def tethered(model: Model) -> bool:
     """Return whether elastic tendons hold a mechanism under gravity, which can go slack."""
     if not model.loads.springs or model.contacts or not can_hang(model.case):
         return False
-    others = [spring for spring in model.springs if spring not in model.loads.springs]
-    return bool(free_motions([*model.meshes.values()], model.rows, model.constraints, others, model.e0))
+    return free_without(model, model.loads.springs)
 
 
 def hanging(system: System, d: Array, factors: tuple[float, float], tolerance: float, max_iterations: int,

@@ -1,4 +1,4 @@
-"""Newton's method: one equilibrium from a nearby state or from stored data, and the criteria of convergence."""
+"""Newton's method: one equilibrium from a nearby state, and the criteria of convergence."""
 
 from __future__ import annotations
 
@@ -309,48 +309,3 @@ def equilibrium_near(system: System, start: Start, t: float, tolerance: float, m
         restore_memory(system.model, touched)
         return None
     return result
-
-
-def equilibrium_at(system: System, t: float, d: Array, turned: Array, linear: bool) -> State:
-    """Return the equilibrium with displacements d (n_full,) at load factor t, with multipliers that balance the forces.
-
-    ``linear``: in linear theory about the reference.
-    """
-    model, d = system.model, d.copy()
-    n_q, at = model.n_q, np.zeros_like(d)
-    if not linear:
-        at[:n_q] = d[:n_q]
-    model.turns.set_spring_angles(model.springs, model.e0 + at[:n_q], at[:n_q], turned)
-
-    def forces() -> tuple[Array, Array]:
-        if not linear:
-            at[n_q:] = d[n_q:]
-        balance = system.forces(at, t, linear=linear)
-        Q = balance.Q + system.action(at, d, t, linear=True) if linear else balance.Q.copy()
-        return Q, np.array(balance.F)
-
-    Q, F = forces()
-    if model.constraints:
-        d[n_q:] = _multipliers(system, at, Q - F, t)
-        Q, F = forces()
-    return State(t, d, Q, F, 0.0, turned, linear=linear)
-
-
-def _multipliers(system: System, d: Array, R: Array, t: float) -> Array:
-    """Return the multipliers of the constraints at d (n_full,) that balance the forces R (n_full,) best.
-
-    Only forces on the unknowns count, not those on coordinates that linear rows eliminate.
-    """
-    model = system.model
-    num, columns = model.numbering, []
-    for _, coords, gradient in model.interactions.gradients(d, t):
-        column = np.zeros(len(d))
-        np.add.at(column, coords, gradient)
-        columns.append(num.reduce(column))
-    G, r = np.array(columns).T, num.reduce(R)
-    # coordinates have different units: compare forces as acting on displacements
-    weights = np.divide(1.0, system.weights, out=np.zeros_like(r), where=system.weights > 0.0)
-    touched = np.flatnonzero(np.abs(G).max(axis=1) * weights > 0.0)
-    w = weights[touched]
-    size = np.linalg.norm(w[:, None] * G[touched], axis=0)
-    return -np.linalg.lstsq(w[:, None] * G[touched] / size, w * r[touched], rcond=None)[0] / size

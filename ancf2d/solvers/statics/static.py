@@ -12,14 +12,13 @@ from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
 from ...model.breakpoints import case_stops
 from ...model.build import can_hang
-from ...model.determinacy import free_motions
 from ...model.model import Model
 from ...model.timing import PathTiming
 from ..contact import memory, restore_memory
 from ..long_vectors import largest
 from ..state import State
 from ..system import System, Turned
-from .hanging import FALLS, FELL, hanging, slack, tethered
+from .hanging import FALLS, FELL, free_without, hanging, slack, tethered
 from .newton import (
     MAX_ITERATIONS,
     TOLERANCE,
@@ -357,8 +356,5 @@ class LoadSteps:
 
 def _springs_that_alone_hold(model: Model) -> list[str]:
     """Return the paths of one-sided springs and tendons, if bodies could move freely without them."""
-    sided, others = ([s for s in model.springs if bool(s.breaks) == one] for one in (True, False))
-    if not sided or model.contacts:
-        return []
-    free = free_motions([*model.meshes.values()], model.rows, model.constraints, others, model.e0)
-    return [s.path for s in sided] if free else []
+    sided = [spring for spring in model.springs if spring.breaks]
+    return [spring.path for spring in sided] if sided and not model.contacts and free_without(model, sided) else []
