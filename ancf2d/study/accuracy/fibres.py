@@ -73,7 +73,7 @@ def in_fibres(pursuit: Pursuit, level: Level, before: dict[str, Any]) -> dict[st
 
 def _on_fine_mesh(pursuit: Pursuit, level: Level, error: float, accuracy: dict[str, Any]) -> dict[str, Any]:
     """Return the accuracy of a level, or of a finer one if the ``error`` of its mesh is larger than with few fibres."""
-    finer, error = fine_enough(pursuit, level, error)
+    finer, error = fine_enough(pursuit, level, error, "fewer fibres")
     if finer is level:
         return accuracy
     note = "meshes differ more with more fibres"

@@ -170,7 +170,7 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
                 "achieved": False, "note": f"the error of the steps is unknown: {fine.setting.named_steps} fail"}
         accuracy = pursuit.accuracy(fine, *shorter.estimate_of(fine))
         if error <= pursuit.wanted and relative_distance(fine, known) > MOVED * pursuit.wanted:
-            finer, error = fine_enough(pursuit, fine, error)
+            finer, error = fine_enough(pursuit, fine, error, "longer steps")
             known, shorter.error = finer, error
             if finer is not fine:
                 shorter.found = Estimate(None, None, None, False, "meshes differ more with shorter steps")
@@ -236,17 +236,17 @@ class _ShorterSteps:
         return self.pursuit.loaded.case.solver.with_steps(ratio)
 
 
-def fine_enough(pursuit: Pursuit, level: Level, error: float) -> tuple[Level, float]:
+def fine_enough(pursuit: Pursuit, level: Level, error: float, before: str) -> tuple[Level, float]:
     """Return a level, or a finer mesh with its load steps whose error is small enough, and its error.
 
     Returns the level itself if a mesh twice as fine differs by no more than its ``error``, and the finest mesh if none
     is good enough. The error of a mesh is its difference from that half as fine, or a share of that one's error if
-    larger.
+    larger. ``before`` says in the report with which steps or fibres ``error`` was found.
     """
     coarse, assumed = level, 0.0
     while True:
         counts = {name: 2 * n for name, n in coarse.setting.counts.items()}
-        fine = pursuit.solve(replace(coarse.setting, counts=counts), "whether meshes differ as with longer steps")
+        fine = pursuit.solve(replace(coarse.setting, counts=counts), f"whether meshes differ as with {before}")
         moved = relative_distance(fine, coarse)
         if coarse is level and (fine.answer is None or moved <= error):
             return level, error
