@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -169,6 +171,32 @@ class ResultsError(Ancf2dError):
     """A result file cannot be read or written: it is missing, damaged, of another program, or would be overwritten."""
 
     exit_code = 2
+
+
+class WriteError(ResultsError):
+    """Writing a file failed, as on a full disk, although case and command line are right."""
+
+    exit_code = 1
+
+
+# errors of a place that the command line names: it is missing, in the way or forbidden
+_WRONG_PLACE = (PermissionError, FileNotFoundError, FileExistsError, NotADirectoryError, IsADirectoryError)
+
+
+def write_error(path: str | os.PathLike[str], error: BaseException, left: str = "", act: str = "write") -> ResultsError:
+    """Return the error of a failed ``act`` on ``path``; ``left`` says what of it remains."""
+    kind = ResultsError if isinstance(error, _WRONG_PLACE) else WriteError
+    return kind(f"cannot {act} '{path}': {cause_of(error)}" + (f"; {left}" if left else ""))
+
+
+def cause_of(error: BaseException) -> str:
+    """Return why a file cannot be read or written, and what to do about a full disk."""
+    number = getattr(error, "errno", None)
+    # the texts of h5py have several lines
+    cause = os.strerror(number) if number else str(error)
+    if number in (errno.ENOSPC, errno.EDQUOT):
+        return f"the disk is full ({cause}); free space on it, or write to another one"
+    return cause
 
 
 class CheckpointError(ResultsError):

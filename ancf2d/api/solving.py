@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ..case import LoadedCase, load_case_text, with_overrides
 from ..case.axes import Axis, Bounds, read_bounds
+from ..case.emit import yaml_text
 from ..errors import MAPPING, TEXT, CaseError
 from ..results.target import RESULTS, check_output
 from ..study.accuracy.control import is_pursued, solve_to_accuracy
@@ -44,8 +45,7 @@ def options_of(overrides: Overrides) -> tuple[str, ...]:
     if overrides is None:
         return ()
     if isinstance(overrides, Mapping):
-        plain = json.loads(json.dumps(_as_yaml_1_2(overrides), default=plain_value))
-        return tuple(Axis(path, (value,), "").override(value) for path, value in plain.items())
+        return tuple(Axis(path, (value,), "").override(value) for path, value in _plain(overrides).items())
     return texts_of(overrides, "overrides", "a mapping {path: value} or a list of 'path=value' strings", single=False)
 
 
@@ -81,8 +81,14 @@ def numbers_of(given: Any, what: str, expected: str, right: Callable[[float], bo
 
 def as_text(case: Mapping[str, Any]) -> str:
     """Return a case given as a mapping, possibly from ``yaml.safe_load``, as text."""
-    # JSON is YAML; one value per line, so that messages give the line
-    return json.dumps(_as_yaml_1_2(case), default=plain_value, indent=1, ensure_ascii=False)
+    # through JSON for arrays, numbers of NumPy and keys that are numbers, but as YAML, which has infinity and NaN
+    return yaml_text(_plain(case))
+
+
+def _plain(value: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a mapping as plain Python data, with the misreadings of YAML 1.1 undone."""
+    found: dict[str, Any] = json.loads(json.dumps(_as_yaml_1_2(value), default=plain_value))
+    return found
 
 
 def _as_yaml_1_2(value: Any) -> Any:

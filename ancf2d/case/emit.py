@@ -74,7 +74,8 @@ def written(value: Any, known: KnownRecords | None = None) -> Any:
 def yaml_text(data: dict[str, Any], known: KnownRecords | None = None) -> str:
     """Return plain data as YAML: mappings in blocks, values that fit on a line in flow style."""
     reusable = {id(one) for one in known.plain.values()} if known is not None else set()
-    return "\n".join(_block(data, 0, _Texts(reusable, known.texts if known is not None else {}))) + "\n"
+    lines = _block(data, 0, _Texts(reusable, known.texts if known is not None else {}))
+    return "\n".join(lines or ["{}"]) + "\n"
 
 
 class _Texts:

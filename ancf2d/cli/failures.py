@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from ..errors import Ancf2dError, CaseError, ComputationError, Problem, many
+from ..errors import Ancf2dError, CaseError, ComputationError, Problem, cause_of, many
 from .session import Session
 from .text import discard_output, say
 
@@ -45,7 +45,7 @@ def explain(error: BaseException, session: Session) -> int:
         reason, code = "interrupted", INTERRUPTED
     elif isinstance(error, OSError):
         what = "the output" if error.filename is None else f"'{error.filename}'"
-        reason, code = f"cannot read or write {what}: {error.strerror or error}", FAILED
+        reason, code = f"cannot read or write {what}: {cause_of(error)}", FAILED
         discard_output()
         say(f"error: {reason}", err=True)
     elif isinstance(error, MemoryError):

@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 
 from ancf2d import __version__
-from ancf2d.errors import ResultsError
+from ancf2d.errors import ResultsError, write_error
 from ancf2d.results import safe
 from ancf2d.results.layout import write_head, write_mesh
 from ancf2d.results.records import Units, escape, unescape
@@ -191,7 +191,7 @@ class CheckpointKeeper:
             os.replace(private, self.path)
         except (OSError, RuntimeError) as error:  # h5py reports disk errors as either
             private.unlink(missing_ok=True)
-            raise ResultsError(f"cannot write '{self.path}': {error}") from error
+            raise write_error(self.path, error) from error
         # writing takes at most a tenth of the time
         self._due = time.monotonic() + max(EVERY_SECONDS, 10.0 * (time.monotonic() - now))
 

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from itertools import chain
 from pathlib import Path
 
-from ancf2d.errors import ResultsError
+from ancf2d.errors import ResultsError, write_error
 from ancf2d.results.records import FORMAT
 
 # written to every file whose format has room for it: metadata of figures, a comment of pages and texts
@@ -317,7 +317,7 @@ def replacing(path: str | os.PathLike[str], force: bool) -> Iterator[Path]:
         check_output(path, force)  # it may have changed meanwhile
         os.replace(private, path)
     except (OSError, RuntimeError) as error:  # h5py reports disk errors as either
-        raise ResultsError(f"cannot write '{path}': {getattr(error, 'strerror', None) or error}") from error
+        raise write_error(path, error) from error
     finally:
         with suppress(OSError):
             private.unlink()

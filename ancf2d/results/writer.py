@@ -13,7 +13,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from ancf2d.errors import ResultsError
+from ancf2d.errors import ResultsError, write_error
 from ancf2d.interrupts import uninterrupted
 from ancf2d.json_values import plain
 from ancf2d.results.checkpoint import (
@@ -276,9 +276,10 @@ class ResultWriter:
             self._target.replace()
         except (OSError, ResultsError) as error:
             self._target.release()
-            cause = getattr(error, "strerror", None) or str(error)
-            raise ResultsError(f"{cause}; the complete result stays in '{self._target.part}'"
-                               ) from error
+            left = f"the complete result stays in '{self._target.part}'"
+            if isinstance(error, OSError):
+                raise write_error(self._target.path, error, left) from error
+            raise ResultsError(f"{error}; {left}") from error
 
     def discard(self) -> None:
         """Remove the unfinished file; an earlier result stays."""
@@ -299,8 +300,9 @@ class ResultWriter:
         except (OSError, RuntimeError) as error:  # h5py reports disk errors as either
             failure = (self._stream.failure if hasattr(self, "_stream") else None) or error
             self._abandon()
-            cause = getattr(failure, "strerror", None) or str(failure)
-            raise ResultsError(f"cannot write '{self._target.path}': {cause}") from error
+            left = f"the states written before stay in '{self._target.part}'" if self._committed else ""
+            left += ", and --resume continues from them" if left and self._dynamic else ""
+            raise write_error(self._target.path, failure, left) from error
         except BaseException:
             if begin:
                 self._abandon()

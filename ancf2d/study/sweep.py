@@ -13,7 +13,7 @@ from ..case.axes import Axis, combinations
 from ..case.compose import read_text
 from ..case.numbers import unused_parameters
 from ..case.overrides import OPTION as SET
-from ..errors import CaseError, Problem, ResultsError, raise_any, verdict
+from ..errors import CaseError, Problem, raise_any, verdict, write_error
 from .digests import content_name, files_of
 from .forecast import Done, Forecast, steps_of
 from .pool import ALONE, Workers, no_interrupts, run_jobs
@@ -116,7 +116,7 @@ def run_sweep(sweep: Sweep, workers: Workers, compiling: Callable[[str], None] =
     try:
         (sweep.folder / RUNS if sweep.keep else sweep.folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ResultsError(f"cannot make the folder '{sweep.folder}': {error.strerror}") from error
+        raise write_error(sweep.folder, error, act="make the folder") from error
     ledger = Ledger(sweep.folder, sweep.force, compiling)
     try:
         _run(sweep, ledger, workers, compiling, done)

@@ -11,7 +11,7 @@ from typing import Any
 
 from .. import __version__
 from ..case import CaseText, Goal, LoadedCase
-from ..errors import UNSOLVED, ResultsError, verdict
+from ..errors import UNSOLVED, ResultsError, WriteError, verdict
 from ..model.model import Model
 from .accuracy.control import is_pursued, solve_to_accuracy
 from .digests import content_name, files_of
@@ -150,6 +150,8 @@ def _solve(job: Job, progress: Progress | None) -> dict[str, Any]:
     if not job.force and loaded.case.solver.moves and part_path(job.output).exists():
         try:
             return _last.run(job, loaded, job.output, resume=True, progress=progress, **options)
+        except WriteError:
+            raise
         except ResultsError:
             # the unfinished file was written with other options or is unreadable: it is replaced
             pass

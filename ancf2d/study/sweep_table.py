@@ -12,6 +12,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -21,7 +22,7 @@ from ..case import Goal
 from ..case.axes import Axis
 from ..case.emit import flow
 from ..case.units import QUANTITY_UNITS, SI, unit_label
-from ..errors import ResultsError
+from ..errors import ResultsError, WriteError, write_error
 from ..json_values import plain
 from ..results import Column, check_output, open_results, part_path, write_tables
 from ..results.target import MARK, SWEEP_COLUMNS, is_own, locked, replacing
@@ -37,6 +38,7 @@ NAME, RUNS = "sweep.h5", "runs"
 # modes and buckling loads in a row if the case has no goal
 FIRST = 3
 LIST = "sweep.rows"
+_KEPT = "the rows computed before are kept, and the same command continues from them"
 # tables of the file: the rows, and all computed results by the name of their case
 ROWS, COMPUTED = "sweep", "computed"
 # interval of checking a folder to which another sweep writes
@@ -198,7 +200,7 @@ class Ledger:
         try:
             self._read(force)
         except BaseException:
-            self._stream.close()
+            self._release()
             raise
 
     def _claimed(self, tell: Callable[[str], None]) -> Any:
@@ -207,7 +209,7 @@ class Ledger:
             try:
                 stream = self.list.open("a+b")
             except OSError as error:
-                raise ResultsError(f"cannot write '{self.list}': {error.strerror}") from error
+                raise write_error(self.list, error) from error
             if locked(stream.fileno()) and self.list.exists() and os.path.samestat(
                     self.list.stat(), os.fstat(stream.fileno())):
                 self.known = self._stored()
@@ -219,18 +221,19 @@ class Ledger:
     def _read(self, force: bool) -> None:
         """Read the rows of a sweep that was ended early, without an incomplete last line."""
         self._stream.seek(0)
-        lines = self._stream.read().split(b"\n")
+        content = self._stream.read()
+        lines = content.split(b"\n")
         if lines != [b""] and not is_own(self.list) and not force:
             raise ResultsError(f"'{self.list}' exists and was not made by ancf2d; choose another folder, or replace it "
                                "with --force")
         if _parsed(lines[0]).get(MARK) == program():
             found = (_parsed(line) for line in lines[1:])
             self.known |= {line["name"]: line["row"] for line in found if "name" in line}
-        # rewrite the list, so that nothing is appended to an incomplete line
-        self._stream.truncate(0)
-        self._add({MARK: program()})
-        for name, row in self.known.items():
-            self._add({"name": name, "row": row})
+            # nothing may be appended to an incomplete line; the other lines are the only copy of their rows
+            self._stream.truncate(content.rfind(b"\n") + 1)
+        else:
+            self._stream.truncate(0)
+            self._add({MARK: program()})
 
     def _stored(self) -> dict[str, Any]:
         """Return the rows of an earlier sweep, or none if its file is unreadable or written by another version."""
@@ -248,22 +251,35 @@ class Ledger:
             return {}
 
     def _add(self, line: dict[str, Any]) -> None:
-        self._stream.write(_JSON.encode(line).encode() + b"\n")
+        """Append a line; it survives the end of this process."""
+        try:
+            self._stream.write(_JSON.encode(line).encode() + b"\n")
+            self._stream.flush()
+        except OSError as error:
+            raise write_error(self.list, error, _KEPT) from error
 
     def store(self, name: str, row: dict[str, Any]) -> None:
         """Store the outcome of a case; it survives the end of this process."""
         self.known[name] = row
         self._add({"name": name, "row": row})
-        self._stream.flush()
 
     def close(self, sweep: Sweep) -> None:
         """Write the file and unlock the folder. Raises ResultsError; the list of rows then remains."""
         try:
-            self._stream.flush()
             if sweep.header is not None:
                 _write(sweep, self.known)
                 self.list.unlink()
+        except WriteError as error:
+            raise WriteError(f"{error}; {_KEPT}") from error
         finally:
+            self._release()
+
+    def _release(self) -> None:
+        """Unlock the folder, and remove a list that the disk had no room for."""
+        with suppress(OSError):
+            if os.fstat(self._stream.fileno()).st_size == 0:
+                self.list.unlink()
+        with suppress(OSError):  # part of a line may still wait to be written
             self._stream.close()
 
 

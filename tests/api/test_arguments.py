@@ -65,6 +65,20 @@ def test_problems_of_a_mapping_name_keys_and_those_of_a_text_lines() -> None:
         ancf2d.load(wrong)
 
 
+@pytest.mark.parametrize("value", [float("nan"), np.float64("-inf"), np.array(np.inf)], ids=["nan", "-inf", "array"])
+def test_a_number_that_is_not_finite_is_called_so(value: object) -> None:
+    data = ancf2d.load(TEXT).data
+    data["bodies"]["beam"]["material"]["E"] = value
+    for given, overrides in ((data, None), (TEXT, {E: value})):
+        with pytest.raises(ancf2d.CaseError, match=r"material\.E must be a finite number, got -?\.(nan|inf)"):
+            ancf2d.load(given, overrides)
+
+
+def test_an_empty_mapping_lacks_the_keys_of_a_case() -> None:
+    with pytest.raises(ancf2d.CaseError, match="bodies is missing"):
+        ancf2d.load({})
+
+
 def test_messages_about_a_solution_name_its_case_and_not_the_temporary_file() -> None:
     solution = ancf2d.solve(ancf2d.load(TEXT).data)
     calls = [lambda: solution.v, lambda: solution.axis("rod"), lambda: solution.plot("energy"),

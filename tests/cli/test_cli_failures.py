@@ -300,7 +300,8 @@ def test_a_full_disk_under_stdout_is_reported(folder: Path) -> None:
                         env={k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"})
         _, err = process.communicate(timeout=30)
     assert process.returncode == 1
-    assert err == "error: cannot read or write the output: No space left on device\n"
+    assert err == ("error: cannot read or write the output: the disk is full (No space left on device); free space "
+                   "on it, or write to another one\n")
 
 
 @pytest.mark.slow
