@@ -130,6 +130,18 @@ def all_of(*readers: Callable[[], Any]) -> list[Any]:
     return found
 
 
+def first_of(reader: Callable[[], Any], *others: Callable[[], Any]) -> Any:
+    """Return the result of a reader. If it raises CaseError, the others are called, too, and their problems added."""
+    try:
+        return reader()
+    except CaseError as error:
+        first = error
+
+    def again() -> Any:
+        raise first
+    return all_of(again, *others)
+
+
 @dataclass
 class Failure:
     """Where and how a computation failed, and what the user can change."""

@@ -11,8 +11,8 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ..case import LoadedCase, load_case_text, with_overrides
-from ..case.axes import Axis, Bounds, read_bounds
-from ..case.emit import yaml_text
+from ..case.axes import Axis
+from ..case.emit import number_text, yaml_text
 from ..errors import MAPPING, TEXT, CaseError
 from ..results.target import RESULTS, check_output
 from ..study.accuracy.control import is_pursued, solve_to_accuracy
@@ -49,8 +49,8 @@ def options_of(overrides: Overrides) -> tuple[str, ...]:
     return texts_of(overrides, "overrides", "a mapping {path: value} or a list of 'path=value' strings", single=False)
 
 
-def bounds_of(vary: Mapping[str, tuple[float, float]]) -> list[Bounds]:
-    """Return the bounds of numbers by path. Raises TypeError if they are not pairs, CaseError for wrong ranges."""
+def ranges_of(vary: Mapping[str, tuple[float, float]]) -> list[str]:
+    """Return bounds by path as command-line texts. Raises TypeError if they are not pairs of numbers."""
     expected = "bounds by path, such as {'bodies.beam.material.E': (1e9, 1e11)}"
     if not (isinstance(vary, Mapping) and vary):
         raise_type_error("vary", expected, vary)
@@ -60,8 +60,8 @@ def bounds_of(vary: Mapping[str, tuple[float, float]]) -> list[Bounds]:
             low, high = map(float, pair)
         except (TypeError, ValueError):
             raise_type_error("vary", expected, {path: pair})
-        options.append(f"{path}={low!r}:{high!r}")
-    return read_bounds(options)
+        options.append(f"{path}={number_text(low)}:{number_text(high)}")
+    return options
 
 
 def numbers_of(given: Any, what: str, expected: str, right: Callable[[float], bool]) -> list[float]:
@@ -226,7 +226,7 @@ def optimise(case: CaseLike, vary: Mapping[str, tuple[float, float]], minimise: 
     if not isinstance(minimise, str):
         raise_type_error("minimise", "an expression, such as 'mass'", minimise)
     wanted = texts_of(subject_to, "subject_to", "constraints, such as ['max(stress) <= 200e6']")
-    return improve(problem_of(load(case, overrides), bounds_of(vary), minimise, wanted), method, iterations)
+    return improve(problem_of(load(case, overrides), ranges_of(vary), minimise, wanted), method, iterations)
 
 
 def fit(case: CaseLike, data: str | os.PathLike[str] | Mapping[str, Any], vary: Mapping[str, tuple[float, float]],
@@ -249,7 +249,7 @@ def fit(case: CaseLike, data: str | os.PathLike[str] | Mapping[str, Any], vary: 
     if starts < 1:
         raise CaseError(f"starts is {starts}; expected at least 1")
     columns = data_of(data) if isinstance(data, Mapping) else read_data(os.fspath(data))
-    return fit_to(load(case, overrides), columns, bounds_of(vary), sigma, starts)
+    return fit_to(load(case, overrides), columns, ranges_of(vary), sigma, starts)
 
 
 def system(case: CaseLike, overrides: Overrides = ()) -> DiscreteModel:

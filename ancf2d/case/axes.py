@@ -212,9 +212,14 @@ class Bounds:
 
 def read_bounds(options: Sequence[str]) -> list[Bounds]:
     """Return the bounds of ``PATH=low:high`` options. Raises CaseError with all problems."""
-    found, problems = _each(options, _bounds, VARY, "varied")
+    found, problems = bounds_and_problems(options)
     raise_any(problems)
     return found
+
+
+def bounds_and_problems(options: Sequence[str]) -> tuple[list[Bounds], list[Problem]]:
+    """Return the bounds of those ``PATH=low:high`` options that can be read, and the problems of the others."""
+    return _each(options, _bounds, VARY, "varied")
 
 
 def _bounds(text: str) -> Bounds:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from ..errors import CaseError, Problem, all_of, raise_any
-from .axes import VARY, Bounds
+from .axes import VARY, Bounds, bounds_and_problems
 from .binder import Vocabulary, listed, nearest
 from .compose import compose
 from .emit import number_text, walk
@@ -150,13 +150,14 @@ def _below(node: Node, path: str, parent: Node | None) -> Iterator[CaseNumber]:
             yield found
 
 
-def numbers_between(loaded: LoadedCase, bounds: Sequence[Bounds], vocabulary: Vocabulary) -> list[CaseNumber]:
-    """Return the numbers at the paths of bounds.
+def numbers_between(loaded: LoadedCase, options: Sequence[str], vocabulary: Vocabulary
+                    ) -> tuple[list[Bounds], list[CaseNumber]]:
+    """Return the bounds of ``PATH=low:high`` options, and the numbers at their paths.
 
-    Raises CaseError with all paths that have no number, and all numbers that the case does not allow at a bound or
-    between.
+    Raises CaseError with all wrong options, all paths that have no number, and all numbers that the case does not allow
+    at a bound or between.
     """
-    found, problems = [], []
+    found, (bounds, problems) = list[CaseNumber](), bounds_and_problems(options)
     for one in bounds:
         try:
             variable = number_at(loaded, one.path)
@@ -168,7 +169,7 @@ def numbers_between(loaded: LoadedCase, bounds: Sequence[Bounds], vocabulary: Vo
             problems += [Problem(p.message, file=f"{VARY}{one.text}", expected=p.expected, near=p.near)
                          for p in error.problems]
     raise_any(problems)
-    return found
+    return bounds, found
 
 
 def moved_starts(variables: Sequence[CaseNumber], bounds: Sequence[Bounds], starts: Sequence[float]) -> list[str]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..errors import all_of, many, raise_any
+from ..errors import all_of, first_of, many, raise_any
 from .options import case_argument, case_stem, examples, force_option, json_session, set_option, vary_option
 from .session import Session
 from .text import command_line, number, table
@@ -51,13 +51,14 @@ def command(session: Session, case: str, data_file: str, vary: tuple[str, ...], 
     from ..study.fit_data import read_data
     from ..study.run import load
 
-    loaded, data, bounds, noise = all_of(lambda: load(case, overrides), lambda: read_data(data_file),
-                                         lambda: read_bounds(vary), lambda: _noise(sigma))
+    loaded, data, noise = first_of(
+        lambda: all_of(lambda: load(case, overrides), lambda: read_data(data_file), lambda: _noise(sigma)),
+        lambda: read_bounds(vary))
     output = output if output is not None else f"{case_stem(case)}-fitted.yaml"
     results = results if results is not None else f"{case_stem(case)}-fit.h5"
     for path, kind in ((output, CASE), (results, RESULTS)):
         check_output(path, force, data_file, *inputs_of(loaded), kind=kind)
-    found = fit(loaded, data, bounds, noise, starts)
+    found = fit(loaded, data, vary, noise, starts)
     fitted = {row.path: row.value for row in found.rows}
     found.warnings += write_case(loaded, fitted, output, session.command_line, force)
     write_fit(found, results, session.command_line, force)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..errors import all_of, many
+from ..errors import first_of, many
 from .failures import FAILED
 from .options import case_argument, case_stem, examples, force_option, json_session, set_option, vary_option
 from .session import Bar, Session
@@ -58,11 +58,11 @@ def command(session: Session, case: str, vary: tuple[str, ...], minimise: str, c
     from ..study.record import Progress
     from ..study.run import load
 
-    bounds, loaded = all_of(lambda: read_bounds(vary), lambda: load(case, overrides))
+    loaded = first_of(lambda: load(case, overrides), lambda: read_bounds(vary))
     place = output if output is not None else f"{case_stem(case)}-best.yaml"
     for path, kind in ((place, CASE), (history, RESULTS)):
         check_output(path, force, *inputs_of(loaded), kind=kind)
-    problem = problem_of(loaded, bounds, minimise, constraints)
+    problem = problem_of(loaded, vary, minimise, constraints)
     with Bar("optimising", session.shows_progress) as bar:
         found = optimise(problem, method, iterations, Progress(compiling=session.note_once),
                          lambda point: bar.update(0.0, f"{minimise} = {number(point.value)}", 0.0))

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 # unit labels of length, force and time
 Labels = tuple[str, str, str]
-# greatest number of listed events
-MOST_EVENTS = 20
+# greatest numbers of listed events and poles
+MOST_EVENTS, MOST_POLES = 20, 20
 # round-off of displacements and forces, relative to the largest
 ROUND_OFF = 1e-12
 # greatest unbalanced force, relative to the largest force, that counts as round-off
@@ -111,10 +111,12 @@ def _response(found: dict[str, Any], labels: Labels) -> list[str]:
 
 def _linear_model(found: dict[str, Any], labels: Labels) -> list[str]:
     rows = [["pole", "omega [rad/s]", "f [Hz]", "growth [1/s]", "damping ratio"]]
-    for k, p in enumerate(found["poles"], start=1):
+    for k, p in enumerate(found["poles"][:MOST_POLES], start=1):
         rows.append([str(k), number(p["omega"], 7), number(p["hz"]), number(p["growth"]), number(p["damping"])])
+    more = len(found["poles"]) - MOST_POLES
     return [f"linear model: {many(len(found['states']), 'state')}; from {', '.join(found['inputs'])} to "
-            f"{', '.join(found['outputs'])}", "", *table(rows)]
+            f"{', '.join(found['outputs'])}", "", *table(rows),
+            *([f"{more} more poles of greater modulus are in the result file and in --json"] if more > 0 else [])]
 
 
 def _limit_points(found: list[dict[str, Any]], labels: Labels) -> list[str]:

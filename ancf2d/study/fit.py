@@ -78,17 +78,17 @@ class Fit:
 
 
 @objects_frozen()
-def fit(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping[str, float] | None = None,
+def fit(loaded: LoadedCase, data: Data, vary: Sequence[str], sigma: Mapping[str, float] | None = None,
         starts: int = 1, progress: Progress | None = None,
         done: Callable[[int, float], None] = lambda runs, residual: None) -> Fit:
     """Find the numbers of a case, between bounds, for which it agrees best with data in the sense of least squares.
 
-    The differences in each column are divided by its noise ``sigma``, or by its range. ``starts``: number of searches,
+    ``vary``: ``PATH=low:high`` of each number. The differences in each column are divided by its noise ``sigma``, or by its range. ``starts``: number of searches,
     the first from the case's own numbers, others from points spread between the bounds; the best one counts. ``done``
     is called with the number of runs and the residual. The search is SciPy's ``least_squares`` (trust region
     reflective). Raises CaseError with all problems, ComputationError if no start can be solved.
     """
-    variables = _variables(loaded, data, bounds, sigma or {})
+    bounds, variables = _variables(loaded, data, vary, sigma or {})
     scales = np.array([(sigma or {}).get(name, scale)
                        for name, scale in zip(data.names, data.scales(prepare(loaded).extent), strict=True)])
     problem = Search(loaded, data, variables, bounds, scales, progress or Progress(), done)
@@ -112,11 +112,11 @@ def fit(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping
                      warnings + [f"a start failed: {e}" for e in failures])
 
 
-def _variables(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping[str, float]
-               ) -> list[CaseNumber]:
-    problems, variables = check_data(loaded, data), list[CaseNumber]()
+def _variables(loaded: LoadedCase, data: Data, vary: Sequence[str], sigma: Mapping[str, float]
+               ) -> tuple[list[Bounds], list[CaseNumber]]:
+    problems, bounds, variables = check_data(loaded, data), list[Bounds](), list[CaseNumber]()
     try:
-        variables = numbers_between(loaded, bounds, vocabulary())
+        bounds, variables = numbers_between(loaded, vary, vocabulary())
     except CaseError as error:
         problems += error.problems
     for name, noise in sigma.items():
@@ -125,13 +125,13 @@ def _variables(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: 
                                     expected=f"one of {', '.join(data.names)}"))
         elif not (math.isfinite(noise) and noise > 0.0):
             problems.append(Problem("the noise must be > 0", file=f"--sigma {name}={noise:g}"))
-    if not bounds:
+    if not vary:
         problems.append(Problem("nothing is varied", expected="--vary PATH=LOW:HIGH"))
-    if data.known.sum() <= len(bounds):
+    if data.known.sum() <= len(vary):
         problems.append(Problem(f"there are too few values ({int(data.known.sum())}) to fit "
-                                f"{many(len(bounds), 'number')}", file=data.file, expected="more values than numbers"))
+                                f"{many(len(vary), 'number')}", file=data.file, expected="more values than numbers"))
     raise_any(problems)
-    return variables
+    return bounds, variables
 
 
 def _starts(problem: Search, count: int) -> list[Array]:

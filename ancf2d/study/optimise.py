@@ -89,22 +89,22 @@ class Problem:
     texts: list[str]
 
 
-def problem_of(loaded: LoadedCase, bounds: Sequence[Bounds], minimise: str, constraints: Sequence[str]) -> Problem:
+def problem_of(loaded: LoadedCase, vary: Sequence[str], minimise: str, constraints: Sequence[str]) -> Problem:
     """Return the problem described by command line options. Raises CaseError with the mistakes of all of them."""
     words, parameters = Vocabulary(loaded), list(loaded.case.parameters)
 
     def constraint(text: str) -> tuple[Measure, Measure, str]:
         return bounded(read_measure(text, "--subject-to", words, parameters), "--subject-to")
 
-    variables, objective, *read = all_of(
-        lambda: numbers_between(loaded, bounds, vocabulary()),
+    (bounds, variables), objective, *read = all_of(
+        lambda: numbers_between(loaded, vary, vocabulary()),
         lambda: read_measure(minimise, "--minimise", words, parameters), *(partial(constraint, t) for t in constraints))
     kinds = [kind for _, _, kind in read]
     # the right-hand sides of constraints give their scales
     measures = [objective, *(m for m, _, _ in read), *(side for _, side, _ in read)]
     with_rows = [bool(measure.extremes) and kind == "<="
                  for measure, kind in zip(measures, ["<=", *kinds], strict=False)]
-    return Problem(loaded, variables, list(bounds), Measures(measures, loaded.case.goal, with_rows, len(variables)),
+    return Problem(loaded, variables, bounds, Measures(measures, loaded.case.goal, with_rows, len(variables)),
                    kinds, list(constraints))
 
 

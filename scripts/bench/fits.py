@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import ancf2d
-from ancf2d.case.axes import read_bounds
 from ancf2d.study.fit import Fit, fit
 from ancf2d.study.fit_data import data_of
 from scripts.pages import DOCS, one_thread, stamp, table, write
@@ -82,8 +81,8 @@ def fitted(scene: Scene, run: Any, seed: int) -> tuple[Fit, dict[str, Any]]:
         noise = (scene.noise[0] if share is None else share * np.ptp(exact)) * random.standard_normal(len(t))
         data[f"{name}.uy"], added[f"{name}.uy"] = exact + noise, noise
     guess = ancf2d.load(scene.case, {path: first for path, (_, first, _) in scene.numbers.items()})
-    bounds = read_bounds([f"{path}={ends}" for path, (_, _, ends) in scene.numbers.items()])
-    return fit(guess, data_of(data), bounds), added
+    vary = [f"{path}={ends}" for path, (_, _, ends) in scene.numbers.items()]
+    return fit(guess, data_of(data), vary), added
 
 
 def main() -> None:

@@ -78,6 +78,16 @@ def test_modes_are_listed_with_their_kind_and_largest_share() -> None:
     assert "growth [1/s]" in _found(frequencies=[mode, {**mode, "omega": 0.0, "growth": 3.5}])
 
 
+def test_the_poles_of_lowest_modulus_are_listed_and_the_others_counted() -> None:
+    poles = [{"omega": float(k), "hz": k / 6.0, "growth": 0.0, "damping": 0.0} for k in range(1, 24)]
+    found = {"states": ["a"] * 46, "inputs": ["push"], "outputs": ["tip.uy"], "poles": poles}
+    lines = run_report({**FACTS, "state_space": found}, Units(), 2.0).split("\n")
+    assert lines[-2].split()[:2] == ["20", "20"]
+    assert lines[-1] == "3 more poles of greater modulus are in the result file and in --json"
+    few = run_report({**FACTS, "state_space": {**found, "poles": poles[:20]}}, Units(), 2.0)
+    assert few.split("\n")[-1].split()[:2] == ["20", "20"]
+
+
 def test_limit_points_bifurcations_and_buckling_loads_are_listed() -> None:
     point = {"factor": 18544.527, "probes": {"load": {"ux": 26.8784, "uy": -48.7543, "theta": -0.5}}}
     critical = {"factor": 2.4674, "kind": "divergence", "omega": 0.0}

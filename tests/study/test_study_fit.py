@@ -43,7 +43,7 @@ EI, F = "bodies.beam.section.EI", "loads.tip.value.0"
 
 
 def fitted(case: Any, data: Any, *vary: str, **options: Any) -> Fit:
-    return fit(ancf2d.load(case) if isinstance(case, str) else case, data, read_bounds(vary), **options)
+    return fit(ancf2d.load(case) if isinstance(case, str) else case, data, vary, **options)
 
 
 def strip_fit(seed: int, start: dict[str, float] | None = None) -> Fit:
@@ -205,7 +205,7 @@ def test_several_starts_find_the_best_minimum() -> None:
     H = solved.summary["response"]["tip"]["tip"]["uy"]
     data = data_of({"hz": hz, "tip.tip.uy.re": H["re"], "tip.tip.uy.im": H["im"]})
     far = ancf2d.load(case, {"bodies.beam.section.rhoA": 0.05})
-    vary = read_bounds(["bodies.beam.section.rhoA=0.02:50"])
+    vary = ["bodies.beam.section.rhoA=0.02:50"]
     alone, best = fit(far, data, vary), fit(far, data, vary, starts=6)
     assert alone.residual > 0.1
     assert best.rows[0].value == pytest.approx(1.0, rel=1e-5)
@@ -218,7 +218,7 @@ def test_several_starts_find_the_best_minimum() -> None:
 def test_the_fitted_case_keeps_the_text_of_its_file(tmp_path: Path) -> None:
     (tmp_path / "bent.yaml").write_text(BENT)
     loaded = load(tmp_path / "bent.yaml")
-    found = fit(loaded, data_of(path_of(1250.0, 0.0, [0.5, 1.0])), read_bounds([f"{EI}=100:1e4"]))
+    found = fit(loaded, data_of(path_of(1250.0, 0.0, [0.5, 1.0])), [f"{EI}=100:1e4"])
     out = tmp_path / "fitted.yaml"
     assert write_case(loaded, {EI: found.rows[0].value}, out, "fitted") == []
     text = out.read_text()
@@ -257,10 +257,10 @@ def test_all_problems_of_a_fit_are_reported_at_once() -> None:
     data = data_of({"factor": [0.5, 2.0], "tap.uy": [1.0, 2.0], "tip.uz": [1.0, 2.0], "tip.vx": [1.0, 2.0],
                     "tip_uy": [1.0, 2.0]})
     with pytest.raises(CaseError) as found:
-        fitted(BENT, data, f"{EI}=-1:1", "bodies.beam.section.EJ=1:2", sigma={"tip.ux": 1.0})
+        fitted(BENT, data, f"{EI}=-1:1", "bodies.beam.section.EJ=1:2", f"{EI}=2:1", sigma={"tip.ux": 1.0})
     told = " ".join(p.message for p in found.value.problems)
     for text in ("range from 0.5 to 2", "no probe 'tap'", "'uz' is not a quantity", "a static state has no vx",
-                 "must be > 0", "EJ", "no column 'tip.ux'", "'tip_uy' is not PROBE.QUANTITY"):
+                 "must be > 0", "EJ", "2:1 is not a range", "no column 'tip.ux'", "'tip_uy' is not PROBE.QUANTITY"):
         assert text in told
     with pytest.raises(CaseError, match="the solver of the case is static"):
         fitted(BENT, data_of({"t": [1.0, 2.0], "tip.uy": [1.0, 2.0]}), f"{EI}=1:2")

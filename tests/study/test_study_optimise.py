@@ -135,9 +135,10 @@ def test_a_constraint_compares_two_expressions():
 
 def test_all_errors_of_a_problem_are_reported_at_once():
     with pytest.raises(CaseError) as caught:
-        ancf2d.optimise(TEXT, {"bodies.beam.section.heigth": (0.02, 0.2)}, "mas", ["tip.uy", "max(stress <= 1"])
+        ancf2d.optimise(TEXT, {"bodies.beam.section.heigth": (0.02, 0.2), HEIGHT: (0.2, 0.02)}, "mas",
+                        ["tip.uy", "max(stress <= 1"])
     said = [problem.message for problem in caught.value.problems]
-    for part in ("heigth", "'mas' is unknown", "no constraint", "is missing"):
+    for part in ("heigth", "0.2:0.02 is not a range", "'mas' is unknown", "no constraint", "is missing"):
         assert sum(part in one for one in said) == 1
 
 
