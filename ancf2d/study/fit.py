@@ -83,10 +83,11 @@ def fit(loaded: LoadedCase, data: Data, vary: Sequence[str], sigma: Mapping[str,
         done: Callable[[int, float], None] = lambda runs, residual: None) -> Fit:
     """Find the numbers of a case, between bounds, for which it agrees best with data in the sense of least squares.
 
-    ``vary``: ``PATH=low:high`` of each number. The differences in each column are divided by its noise ``sigma``, or by its range. ``starts``: number of searches,
-    the first from the case's own numbers, others from points spread between the bounds; the best one counts. ``done``
-    is called with the number of runs and the residual. The search is SciPy's ``least_squares`` (trust region
-    reflective). Raises CaseError with all problems, ComputationError if no start can be solved.
+    ``vary``: ``PATH=low:high`` of each number. The differences in each column are divided by its noise ``sigma``, or by
+    its range. ``starts``: number of searches, the first from the case's own numbers, others from points spread between
+    the bounds; the best one counts. ``done`` is called with the number of runs and the residual. The search is SciPy's
+    ``least_squares`` (trust region reflective). Raises CaseError with all problems, ComputationError if no start can be
+    solved.
     """
     bounds, variables = _variables(loaded, data, vary, sigma or {})
     scales = np.array([(sigma or {}).get(name, scale)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import helpers as h
@@ -103,6 +104,14 @@ def test_accuracy_counts_the_error_of_few_fibres() -> None:
     assert found.accuracy["achieved"]
     assert found.accuracy["fibres"] >= 64
     assert abs(found.value / limit - 1.0) <= found.accuracy["estimate"]
+
+
+def test_the_last_check_of_the_mesh_is_listed_and_counted(tmp_path: Path) -> None:
+    case = {**cantilever("cable", UNIFORM, 480.0, 2), "accuracy": 1e-2}
+    accuracy = ancf2d.solve(case, output=tmp_path / "beam.h5").accuracy
+    assert "whether meshes differ" in accuracy["path"][-1]["why"]
+    assert accuracy["solves"] == len(accuracy["path"])
+    assert ancf2d.open_results(tmp_path / "beam.h5").summary["accuracy"] == accuracy
 
 
 @pytest.mark.parametrize("given", [{"fibres": 20}, {"quadrature": [3, 20]}])

@@ -49,34 +49,37 @@ def in_fibres(pursuit: Pursuit, level: Level, before: dict[str, Any]) -> dict[st
     rough = pursuit.solve(replace(level.setting, fibres=count), why.format(count))
     lasting = FADING * relative_distance(level, rough)
 
-    def estimate_of(level: Level) -> tuple[Estimate, float]:
-        pursuit.report["fibres_error"] = max(relative_distance(level, rough), lasting)
-        return found, error + pursuit.report["fibres_error"]
+    finer: Level | None = None
+
+    def estimate_of(fine: Level) -> tuple[Estimate, float]:
+        nonlocal found, error, finer
+        change = pursuit.report["fibres_error"] = max(relative_distance(fine, rough), lasting)
+        enough = not kept and pursuit.accuracy(fine, found, error + change)["achieved"]
+        # before the level is written, so that its file lists the check
+        if enough and finer is None and relative_distance(fine, level) > MOVED * pursuit.wanted:
+            finer, error = fine_enough(pursuit, fine, error, "fewer fibres")
+            if finer is not fine:
+                found = Estimate(None, None, None, False, "meshes differ more with more fibres")
+        return found, error + change
 
     while True:
         count *= 2
         fine = pursuit.solve_as_result(replace(rough.setting, fibres=count), why.format(count), estimate_of)
-        if fine.answer is None or rough.answer is None:
+        if fine.answer is None or rough.answer is None or pursuit.outcome is None:
             pursuit.report.pop("fibres_error", None)
             return pursuit.accuracy(rough, found, error) | {
                 "achieved": False, "note": f"the number of fibres is not judged, as {count} fail"}
-        accuracy = pursuit.accuracy(fine, *estimate_of(fine)) | kept
-        if kept:
+        if finer is not None and finer is not fine:
+            return _accuracy_of(pursuit, finer, found, error + pursuit.report["fibres_error"])
+        accuracy = pursuit.outcome.summary["accuracy"] | kept
+        if kept or accuracy["achieved"]:
             return accuracy
-        if accuracy["achieved"]:
-            return accuracy if relative_distance(fine, level) <= MOVED * pursuit.wanted else _on_fine_mesh(
-                pursuit, fine, error, accuracy)
         if 2 * count > MOST or 2 * fine.work > MOST_WORK:
             return accuracy | {"note": "more fibres would be needed"}
         rough, lasting = fine, FADING * pursuit.report["fibres_error"]
 
 
-def _on_fine_mesh(pursuit: Pursuit, level: Level, error: float, accuracy: dict[str, Any]) -> dict[str, Any]:
-    """Return the accuracy of a level, or of a finer one if the ``error`` of its mesh is larger than with few fibres."""
-    finer, error = fine_enough(pursuit, level, error, "fewer fibres")
-    if finer is level:
-        return accuracy
-    note = "meshes differ more with more fibres"
-    found = Estimate(None, None, None, False, note), error + pursuit.report["fibres_error"]
-    pursuit.resolve_as_result(finer, lambda level: found)
-    return pursuit.accuracy(finer, *found)
+def _accuracy_of(pursuit: Pursuit, level: Level, found: Estimate, error: float) -> dict[str, Any]:
+    """Write a level as the result, with this estimate and error; return its accuracy."""
+    pursuit.resolve_as_result(level, lambda level: (found, error))
+    return pursuit.accuracy(level, found, error)

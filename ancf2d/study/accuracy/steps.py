@@ -161,22 +161,17 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
     steps.
     """
     shorter = _ShorterSteps(pursuit, rough, error, found)
-    known = rough
     while True:
         fine = shorter.next()
-        if fine.answer is None:
+        if fine.answer is None or pursuit.outcome is None:
             pursuit.report.pop("steps_error", None)
-            return pursuit.accuracy(shorter.rough, shorter.found, error) | {
+            return pursuit.accuracy(shorter.rough, shorter.found, shorter.error) | {
                 "achieved": False, "note": f"the error of the steps is unknown: {fine.setting.named_steps} fail"}
-        accuracy = pursuit.accuracy(fine, *shorter.estimate_of(fine))
-        if error <= pursuit.wanted and relative_distance(fine, known) > MOVED * pursuit.wanted:
-            finer, error = fine_enough(pursuit, fine, error, "longer steps")
-            known, shorter.error = finer, error
-            if finer is not fine:
-                shorter.found = Estimate(None, None, None, False, "meshes differ more with shorter steps")
-                shorter.begin(finer)
-                continue
-        if accuracy["achieved"] or error > pursuit.wanted:
+        if shorter.finer is not None:
+            shorter.begin(shorter.finer)
+            continue
+        accuracy: dict[str, Any] = pursuit.outcome.summary["accuracy"]
+        if accuracy["achieved"] or shorter.error > pursuit.wanted:
             return accuracy
         if 2 * fine.work > MOST_WORK:
             return accuracy | {"note": "the steps needed would take too long"}
@@ -190,7 +185,8 @@ class _ShorterSteps:
     Errors of steps are of first order: that of the shorter steps is the difference from the ``rough`` ones, twice as
     long. At least half of the previous difference and a quarter of the one before are assumed, since points that stick
     or slip alike by accident in both runs hide the difference. ``moved``: these differences; ``between``: paths with
-    hardly more steps than the rough one, because the path itself limits its steps; they show nothing.
+    hardly more steps than the rough one, because the path itself limits its steps; they show nothing. ``known``: the
+    level with this error; ``finer``: the mesh that the last level needs, if that is another one.
     """
 
     pursuit: Pursuit
@@ -200,12 +196,15 @@ class _ShorterSteps:
     ratio: float = 1.0
     moved: list[float] = field(default_factory=list)
     between: list[Level] = field(default_factory=list)
+    finer: Level | None = None
 
     def __post_init__(self) -> None:
+        self.known = self.rough
         self.begin(self.rough)
 
     def begin(self, rough: Level) -> None:
         """Start again on another mesh, with steps twice as long for comparison."""
+        self.finer = None
         longer = self.pursuit.solve(replace(rough.setting, steps=self._steps(0.5 * self.ratio)), "effect of the steps")
         self.moved = [0.0 if longer.answer is None else relative_distance(longer, rough)]
         self.compare_with(rough)
@@ -221,16 +220,31 @@ class _ShorterSteps:
             self.ratio *= 2.0
             fine = self.pursuit.solve_as_result(replace(self.rough.setting, steps=self._steps(self.ratio)),
                                                 "effect of the steps", self.estimate_of)
-            if fine.answer is None or fine.step_count >= APART * self.rough.step_count or self.ratio >= MOST:
+            if fine.answer is None or self._shows(fine):
                 return fine
             self.between.append(fine)
+
+    def _shows(self, level: Level) -> bool:
+        """Return whether a path has enough steps more than the rough one, or as many as possible."""
+        return level.step_count >= APART * self.rough.step_count or self.ratio >= MOST
 
     def estimate_of(self, level: Level) -> tuple[Estimate, float]:
         """Return the estimate from meshes for a level, and its error with that of the steps."""
         self.moved[-1] = max(relative_distance(level, other) for other in (self.rough, *self.between)
                              if other is not level)
         error = self.pursuit.report["steps_error"] = max(0.5**k * moved for k, moved in enumerate(self.moved[:-4:-1]))
+        # before the level is written, so that its file lists the check
+        if self._shows(level) and self.error <= self.pursuit.wanted:
+            self._check_mesh(level)
         return self.found, self.error + error
+
+    def _check_mesh(self, level: Level) -> None:
+        """Find a mesh that is fine enough with the steps of a level if these change the goal."""
+        if relative_distance(level, self.known) > MOVED * self.pursuit.wanted:
+            self.known, self.error = fine_enough(self.pursuit, level, self.error, "longer steps")
+            if self.known is not level:
+                self.finer = self.known
+                self.found = Estimate(None, None, None, False, "meshes differ more with shorter steps")
 
     def _steps(self, ratio: float) -> dict[str, Any]:
         return self.pursuit.loaded.case.solver.with_steps(ratio)
