@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from motions import GRAVITY, RUBBER, Ride, rod
 
+import ancf2d
 from ancf2d.case.schema.amplitudes import Expression
 from ancf2d.errors import ComputationError
 from ancf2d.kernels.motion.state import COUNT, NOT_FINITE, NUMBERS, SINGULAR
@@ -134,8 +136,9 @@ LEFT = 10.0**(2.5 / 4) - 1.0
 
 
 @pytest.mark.parametrize(("fine", "words"), [
-    (LEFT * 9e-5, []), (LEFT * 1.1e-4, ["the tolerance is missed", "11 times", "Use a tolerance of about 5e-06"]),
-    (LEFT * 5e-3, ["the tolerance is missed", "add up. Use a tolerance of about 2e-07"]),
+    (LEFT * 9e-5, []),
+    (LEFT * 1.1e-4, ["the tolerance is missed", "11 times", "tolerance of about 5e-06 for an error of about 6e-05"]),
+    (LEFT * 5e-3, ["the tolerance is missed", "add up. Use a tolerance of about 2e-07 for an error of about 0.0001,"]),
     (LEFT * 8e-2, ["the tolerance is missed", "8000 times the tolerance 1e-05", "sensitive to its initial state"])])
 def test_a_missed_tolerance_is_reported(fine: float, words: list[str]) -> None:
     """Errors of 773 steps of 1e-5 add up to 7.7e-3 without growth."""
@@ -143,6 +146,25 @@ def test_a_missed_tolerance_is_reported(fine: float, words: list[str]) -> None:
     assert not estimate_of(fine / SAFETY, 1e-5, 773, asked=False).warnings()
     assert len(said) == bool(words)
     assert all(word in said[0] for word in words)
+
+
+@pytest.mark.slow
+def test_the_advice_for_errors_that_add_up_reaches_the_error_that_it_names() -> None:
+    """A force over ten elements: errors add up at each node, so the warning stays with every tolerance, not with an
+    accuracy.
+    """
+    case = Path(__file__).parents[2] / "cases" / "dynamic" / "moving_force.yaml"
+    given = {"solver.method": "radau5", "solver.tolerance": 1e-6, "expected": None}
+    (said,) = ancf2d.solve(case, given, states=False).warnings
+    found = re.search(r"a tolerance of about (\S+) for an error of about (\S+), or --accuracy with a goal", said)
+    assert found is not None
+    tolerance, error = map(float, found.groups())
+    assert error <= 1e-5
+    summary = ancf2d.solve(case, given | {"solver.tolerance": tolerance}, states=False).summary
+    assert summary["accuracy"]["estimate"] <= 1.5 * error
+    reached = ancf2d.solve(case, given, accuracy=1e-4, states=False)
+    assert reached.accuracy["achieved"]
+    assert reached.warnings == []
 
 
 def test_no_tolerance_far_below_the_compared_levels_is_recommended() -> None:

@@ -48,9 +48,12 @@ def missed_tolerance(stepper: Stepper, estimate: float, order: float) -> list[st
         return [said + "Ten times the tolerance gives about the same error: the steps skip fast vibrations, which "
                 "only a much smaller tolerance resolves. If these vibrations do not matter, use a larger tolerance"
                 + _better(stepper) + _jump(stepper)]
-    share = (MISSED * tolerance / estimate) ** (1.0 / min(order, 1.0))
-    return [said + "Each step meets the tolerance, but the errors add up. Use a tolerance of about "
-            f"{max(min(share, 0.5), SMALLEST) * tolerance:.1g}" + _better(stepper) + _jump(stepper)]
+    power = min(order, 1.0)
+    share = max(min((MISSED * tolerance / estimate) ** (1.0 / power), 0.5), SMALLEST)
+    # with shorter steps, more errors add up: they may be as many times the smaller tolerance, so the error is named
+    return [said + f"Each step meets the tolerance, but the errors add up. Use a tolerance of about "
+            f"{share * tolerance:.1g} for an error of about {share**power * estimate:.1g}, or --accuracy with a goal, "
+            "which limits the error of the whole motion" + _better(stepper) + _jump(stepper)]
 
 
 def _better(stepper: Stepper) -> str:
