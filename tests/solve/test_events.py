@@ -304,3 +304,30 @@ def test_a_condition_may_hold_from_the_start(method: str, active: dict[str, str]
     assert found["probes"]["end"]["theta"] == pytest.approx(0.5 * omega, abs=1e-6)
     assert found["probes"]["end"]["y"] == pytest.approx(math.sin(0.5 * omega) if omega else 0.5, abs=1e-6)
     assert found["events"] == [{"t": 0.0, "what": "pin begins" if omega else "pin ends"}]
+
+
+@pytest.mark.parametrize("method", ["radau5", pytest.param("generalized_alpha", marks=pytest.mark.slow),
+                                    pytest.param("Radau", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("condition", "begins"), [
+    ("end.x >= 1", 0.0), ("end.x <= 1", 0.0), ("end.x == 1", 0.0), ("end.vx >= 0", 0.0), ("end.vx == 0", 0.0),
+    ("(end.x >= 1)*(t >= 0.25)", 0.25), ("end.x > 1", None), ("end.x < 1", None), ("end.x != 1", None),
+    ("abs(end.vx) > 0", None)])
+def test_comparisons_are_exact_at_rest(method: str, condition: str, begins: float | None) -> None:
+    """What rests has its value of the reference, and the velocity 0, until something acts."""
+    push = {"name": "push", "type": "force", "at": "bar@0", "value": [3, 0], "active": {"after": condition}}
+    solved = run(0.5, method, loads=[push])
+    assert [(event["t"], event["what"]) for event in solved.summary["events"]] == (
+        [] if begins is None else [(pytest.approx(begins, abs=1e-12), "push begins")])
+    assert (solved.summary["probes"]["end"]["ux"] == 0.0) == (begins is None)
+
+
+def test_a_load_that_ends_where_it_begins_does_not_act() -> None:
+    push = {"name": "push", "type": "force", "at": "bar@0", "value": [3, 0]}
+    for active, t in (({"from": 0.25, "until": "end.x <= 1"}, 0.25),
+                      ({"after": "end.x >= 1", "until": "end.x <= 1"}, 0.0)):
+        solved = run(0.5, loads=[{**push, "active": active}])
+        assert solved.summary["events"] == [{"t": t, "what": "push begins"}, {"t": t, "what": "push ends"}]
+        assert solved.summary["probes"]["end"]["ux"] == 0.0
+    # with <, it ends as soon as the bar is behind the place, which it leaves to the right
+    solved = run(0.5, loads=[{**push, "active": {"from": 0.25, "until": "end.x < 1"}}])
+    assert [event["what"] for event in solved.summary["events"]] == ["push begins"]
