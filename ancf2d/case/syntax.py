@@ -300,9 +300,12 @@ class _Parser:
         raise self.fail("the expression ends too early") if kind == "end" else self.unexpected()
 
     def named(self, text: str) -> Tree:
-        own = text == self.names.variable or text in self.names.quantities
-        if own and text in self.names.numbers:
-            raise self.fail(f"'{text}' has a meaning of its own here; give the parameter another name")
+        variable, quantity, number = (text == self.names.variable, text in self.names.quantities,
+                                      text in self.names.numbers)
+        own = variable or quantity
+        if own and number or variable and quantity:
+            what = "parameter" if number else "controller or state"
+            raise self.fail(f"'{text}' has a meaning of its own here; give the {what} another name")
         if own or text in self.names.numbers:
             self.take()
             if text == self.names.variable:

@@ -61,6 +61,15 @@ def test_errors_say_where(text, column, words):
     assert caught.value.column == column
 
 
+@pytest.mark.parametrize(("names", "what"), [
+    (Names("t", {"t": 1.0}), "parameter"), (Names("t", {}, ("t",)), "controller or state"),
+    (Names("s", {"x": 1.0}, ("x",)), "parameter")])
+def test_names_have_one_meaning(names, what):
+    text = "x" if names.variable == "s" else "t"
+    with pytest.raises(ExpressionError, match=f"'{text}' has a meaning of its own here; give the {what} another name"):
+        syntax(f"2*{text}", names)
+
+
 @pytest.mark.parametrize("text", [
     "(" * 1000, "-" * 1999 + "t", "2^" * 900 + "t", "1 if t else " * 160 + "1",
     "sin(" * 400, "t" * (MAX_LENGTH + 1), "(" * 100 + "t" + ")" * 100])
