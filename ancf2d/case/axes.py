@@ -190,6 +190,8 @@ def _distribution(text: str) -> Distribution:
     if kind == "lognormal":
         # catches the mean and deviation of the values themselves, given instead of those of their logarithms
         wrong |= abs(a) + _TAIL * b > _LARGEST
+        if a > _LARGEST and math.isfinite(a):
+            right += f"; that of {a:g} is {math.log(a):.4g}"
     if not (math.isfinite(a) and math.isfinite(b)) or wrong:
         raise CaseError(start.problem(f"{kind}({match[3].strip()}) is not valid", expected=right))
     return Distribution(path, kind, (a, b), text)

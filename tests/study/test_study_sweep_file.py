@@ -64,6 +64,8 @@ def test_wrong_ranges_and_distributions_are_reported_together() -> None:
         read_distributions([*wrong, "g~normal(0, 1)", "g~normal(0, 2)"])
     assert sorted(p.file for p in found.value.problems) == sorted(
         f"--sample {t}" for t in [*wrong, "g~normal(0, 2)"])
+    (said,) = [p for p in found.value.problems if "h~" in p.file]
+    assert "of the natural logarithm; that of 2e+11 is 26.02" in said.expected
 
 
 def test_paired_lists_run_together() -> None:
@@ -156,6 +158,20 @@ def test_a_killed_sweep_resumes_from_its_list(monkeypatch: pytest.MonkeyPatch) -
     other = {name: "another program" for name in json.loads(head)}
     Path("out/sweep.rows").write_bytes(json.dumps(other).encode() + b"\n" + rest)
     assert not any(row.reused for row in swept(f"{EI}=1e3:3e3:3").rows)
+
+
+def test_a_sweep_that_begins_keeps_the_rows_of_one_that_was_ended() -> None:
+    """A kill before the first new row must not lose them; only an incomplete line is cut off."""
+    Path("out").mkdir()
+    lines = b"".join(json.dumps(line).encode() + b"\n" for line in (
+        {sweep_table.MARK: sweep_table.program()}, {"name": "a", "row": {"goal": 1.0}}))
+    Path("out/sweep.rows").write_bytes(lines + b'{"name": "b"')
+    ledger = sweep_table.Ledger(Path("out"))
+    with ledger._stream:
+        assert ledger.known == {"a": {"goal": 1.0}}
+        assert Path("out/sweep.rows").read_bytes() == lines
+        ledger.store("c", {"goal": 2.0})
+        assert Path("out/sweep.rows").read_bytes().startswith(lines + b'{"name": "c"')
 
 
 @pytest.mark.parametrize("name", ["sweep.h5", "sweep.rows"])
