@@ -303,7 +303,7 @@ class _Parser:
         variable, quantity, number = (text == self.names.variable, text in self.names.quantities,
                                       text in self.names.numbers)
         own = variable or quantity
-        if own and number or variable and quantity:
+        if variable + quantity + number > 1:
             what = "parameter" if number else "controller or state"
             raise self.fail(f"'{text}' has a meaning of its own here; give the {what} another name")
         if own or text in self.names.numbers:

@@ -146,7 +146,7 @@ def test_an_interrupted_sweep_prints_its_rows_and_can_be_resumed(folder: Path, c
     process = start(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
     until = time.monotonic() + 120
     # one row is finished and taken, the others are under way
-    while not (any(p.stat().st_size for p in folder.glob("beam-sweep/*.rows"))
+    while not (any(p.read_bytes().count(b"\n") == 2 for p in folder.glob("beam-sweep/*.rows"))
                and len(list(folder.glob("beam-sweep/runs/*.part"))) == 2):
         assert time.monotonic() < until
         assert process.poll() is None
