@@ -360,7 +360,7 @@ def _constraints(search: _Search, method: str) -> list[Any]:
 def _optimum(problem: Problem, search: _Search, y: Array, success: bool, message: str) -> Optimum:
     y = search.preferred(y)
     values, x = search.values(y), search.x(y)
-    starts, rows = search.x(search.start).tolist(), []
+    starts, rows = np.clip([v.value for v in problem.variables], search.low, search.high).tolist(), []
     for bound, start, value, share in zip(problem.bounds, starts, x.tolist(), y.tolist(), strict=True):
         at = "low" if share <= AT_BOUND else "high" if share >= 1 - AT_BOUND else None
         rows.append({"path": bound.path, "value": value, "start": start, "low": bound.low,

@@ -133,6 +133,13 @@ def test_a_constraint_compares_two_expressions():
         ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass", "tip.uy")
 
 
+def test_the_start_is_the_number_of_the_case_or_the_bound_beyond_which_it_is():
+    # 0.02 does not survive the scaling to the first range
+    for low in (0.005, 0.03):
+        (row,) = ancf2d.optimise(TEXT, {HEIGHT: (low, 0.05)}, "mass", overrides={HEIGHT: 0.02}, iterations=1).rows
+        assert row["start"] == max(0.02, low)
+
+
 def test_all_errors_of_a_problem_are_reported_at_once():
     with pytest.raises(CaseError) as caught:
         ancf2d.optimise(TEXT, {"bodies.beam.section.heigth": (0.02, 0.2), HEIGHT: (0.2, 0.02)}, "mas",
