@@ -108,11 +108,13 @@ def largest_jump(model: Any, start: np.ndarray, end: np.ndarray) -> tuple[float,
     found = np.array([energies(x) for x in s])
     for k in range(found.shape[1]):
         at = int(np.argmax(abs(np.diff(found[:, k]))))
-        low, high = s[at], s[at + 1]
+        (low, high), (before, after) = s[at:at + 2], found[at:at + 2, k]
         for _ in range(30):
-            middle = 0.5 * (low + high)
-            before, now, after = (energies(x)[k] for x in (low, middle, high))
-            low, high = (low, middle) if abs(now - before) > abs(after - now) else (middle, high)
+            now = energies(middle := 0.5 * (low + high))[k]
+            if abs(now - before) > abs(after - now):
+                high, after = middle, now
+            else:
+                low, before = middle, now
         jump = max(jump, abs(after - before))
     return jump, float(found.max())
 
