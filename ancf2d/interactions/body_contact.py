@@ -202,7 +202,7 @@ class BodyPair:
         if self.item.side == "axis":
             self.mem[:, facing.SIDE] = self._sides()
 
-    def _places(self, d: Array | None = None) -> Array:
+    def places(self, d: Array | None = None) -> Array:
         """Return the positions (k, 2) of the points in the reference, or at displacements d (n_full,)."""
         out, u = np.zeros((len(self.spots), 2)), np.zeros_like(self.p0)
         fields, coords = self.own
@@ -218,12 +218,17 @@ class BodyPair:
     def _sides(self) -> Array:
         """Return the side of the other axis on which each point is in the reference, 0 beyond its ends."""
         (a, b), out = self.segments(), np.zeros(len(self.spots))
-        for k, p in enumerate(self._places()):
+        for k, p in enumerate(self.places()):
             distance, z = _nearest(p, a, b)
             n = int(np.argmin(distance))
             beyond = not self.against.plan.closed and ((n == 0 and z[n] == 0.0) or (n == len(z) - 1 and z[n] == 1.0))
             out[k] = 0.0 if beyond else np.sign(cross(b[n] - a[n], p - a[n]))
         return out
+
+    @cached_property
+    def places_along(self) -> Array:
+        """The distance along the other body of the middle of each curve [m]."""
+        return np.array([c.constants[facing.START] + 0.5 * c.constants[facing.SPAN] for c in self.curves])
 
     def segments(self, d: Array | None = None) -> tuple[Array, Array]:
         """Return the ends (n, 2) of straight segments of the other body's curves in the reference or at d (n_full,)."""
@@ -260,7 +265,7 @@ class BodyPair:
         off = float((turn / np.hypot(*(b - a).T)[:-1])[np.arange(1, len(a)) % (STATIONS - 1) > 0].max(initial=0.0))
         low, high = np.minimum(a, b).min(axis=0), np.maximum(a, b).max(axis=0)
         arm = np.repeat(np.arange(len(self.arms)), np.array(self.arms) * (STATIONS - 1))
-        for p, s in zip(self._places(d), self.s.tolist(), strict=True):
+        for p, s in zip(self.places(d), self.s.tolist(), strict=True):
             if (p < low).any() or (p > high).any():
                 continue
             above = (a[:, 1] > p[1]) != (b[:, 1] > p[1])
@@ -338,6 +343,10 @@ class BodyPair:
                 corner, float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"), yields, loop,
                 float(bool(self.follows) and not moves(self.mesh, p, self.follows)), fade]
 
+    def own_dofs(self, i: int) -> Index:
+        """Return the coordinates of the element of point i."""
+        return self.dofs[i, :self.own[1]]
+
     @cached_property
     def all_coordinates(self) -> Index:
         """All coordinates that each item can act on (k, n); points refer to rows of it."""
@@ -396,4 +405,4 @@ def facing_table(patches: Sequence[Any]) -> Facing:
                   whole(np.cumsum([0, *trees])), np.array([c.constants for c in curves]).reshape(-1, facing.CURVE_SIZE),
                   whole([(len(c.p0), len(c.dofs)) for c in curves], (2,)), whole(before, (3,)),
                   joined([c.dofs for c in curves], np.int64), joined([c.G for c in curves]), p0, np.zeros_like(p0),
-                  np.zeros((len(curves), 5)), np.zeros((sum(trees), 4)))
+                  np.zeros((len(curves), 5)), np.zeros((sum(trees), 8)))

@@ -18,7 +18,7 @@ from ..interactions.forces import Patch
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.compiled_laws import point_law_addresses, point_law_compilations
 from ..kernels.curves import point_accept
-from ..kernels.facing import EVERY, face
+from ..kernels.facing import EVERY, IN_RANGE_OR_BESIDE, face
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion.state import Turning
 from ..kernels.points import Assembly, Points, point_constraint_rates, point_matrices
@@ -171,6 +171,7 @@ class Batch:
     def __init__(self, patches: Sequence[HasItems]) -> None:
         self.signals: list[Any] = []
         self.patches = patches
+        self.constrains = any(patch.items().multiplier >= 0 for patch in patches)
         self.by_rate = any(getattr(patch, "by_rate", False) for patch in patches)
         self.table = Record(point_table(patches, self.signals))
         self.facing, self.curves = Record(facing_table(patches)), BeamCurves(patches)
@@ -195,11 +196,19 @@ class Batch:
         return np.array([(s(t), *(rates_of(s, t) if rates or isinstance(s, Clocked) else (0.0, 0.0)))
                          for s in self.signals]).reshape(-1, 3)
 
-    def turn_to(self, d: Array) -> None:
-        """Update the curves of contact points, and the elements opposite to them, to d (n_full,)."""
+    def turn_to(self, d: Array, within: float = np.inf) -> None:
+        """Update the curves of contact points, and the elements opposite to them, to d (n_full,).
+
+        Points that face nothing ``within`` this distance (``kernels.facing.face``) become inactive.
+        """
         self.curves.write(self.table, d, False)
         if len(self.facing.item):
-            face(self.facing, self.table, d, np.inf, EVERY)
+            face(self.facing, self.table, d, within, EVERY)
+
+    @property
+    def active(self) -> Index | slice:
+        """The items that may have forces at the state evaluated last."""
+        return np.flatnonzero(self.table.apart < np.inf) if len(self.facing.item) else slice(None)
 
     def accept(self, d: Array, t: float) -> None:
         """Update the history variables of the laws with the accepted state d (n_full,) at t."""
@@ -225,7 +234,8 @@ class Batch:
         """Fill the energies and the arrays that ``matrices`` returns; empty K and C are left out."""
         for k, active in self.timed:
             self.table.on[k] = active.at(t)
-        self.turn_to(d)
+        # the equations of inactive multipliers have another sign, which would change the inertia of tangents
+        self.turn_to(d, np.inf if self.constrains else IN_RANGE_OR_BESIDE)
         point_matrices(self.table, d, v, self.amplitudes(t, self.by_rate), linear, self._energy, Q, K, C)
 
     def energies(self, d: Array, t: float) -> tuple[float, float]:
@@ -310,7 +320,11 @@ class Interactions:
         ComputationError if a point has left the body on which it slides.
         """
         e = self.e0 + d[:len(self.e0)]
-        for batch in [*self.springs, *self.flows, *([] if elastic else self.loads)]:
+        for batch in self.springs:
+            energy, Q, K = batch.evaluate(e, d, t)
+            some = batch.active
+            yield energy, Q[some], K[some], batch.dofs[some]
+        for batch in [*self.flows, *([] if elastic else self.loads)]:
             yield (*batch.evaluate(e, d, t), batch.dofs)
         yield from self.constraints(d, t, linear)
 

@@ -109,6 +109,7 @@ class Symmetric(ABC):
 
     values: Array
     target: Any
+    places: Any
 
     def __init__(self, n: int, multipliers: Multipliers | None) -> None:
         self.scale, self.multipliers = np.zeros(n), multipliers
@@ -119,7 +120,7 @@ class Symmetric(ABC):
 
     @abstractmethod
     def at(self, i: Index, j: Index) -> Index:
-        """Return the places of entries (i, j), j <= i, among the values."""
+        """Return the places of entries (i, j), j <= i, among the values; the matrix must have them."""
 
     @abstractmethod
     def diagonal(self, values: Array) -> Array:
@@ -255,9 +256,10 @@ class SymmetricFronts(Symmetric):
     """Fronts of a branched frame."""
 
     def __init__(self, fronts: Fronts, multipliers: Multipliers | None = None) -> None:
-        self.fronts = fronts
+        # each matrix tells by itself what it has missed
+        self.fronts = fronts._replace(missed=np.zeros(1, dtype=np.int64))
         self.values = np.zeros(int(fronts.at[-1]))
-        self.target = Nested(self.values, fronts)
+        self.target = Nested(self.values, self.fronts)
         super().__init__(len(fronts.owner), multipliers)
 
     def at(self, i: Index, j: Index) -> Index:

@@ -154,11 +154,10 @@ def vectors(model: Model) -> tuple[Index, Index]:
             np.array(list(pairs.values()), dtype=np.int64).reshape(-1, 4))
 
 
-def assembled_laws(model: Model, T: csr_matrix, signals: Signals, steps: bool) -> Any:
+def assembled_laws(model: Model, num: Numbering, T: csr_matrix, signals: Signals, steps: bool) -> Any:
     """Return the table of all point laws with the unknowns z that they act on, by d = T z (n_q,)."""
     from scipy.sparse import csr_matrix, vstack
 
-    num = model.numbering
     multipliers = num.place[num.n_q:]
     used = np.flatnonzero(multipliers >= 0)
     rest = csr_matrix((np.ones(len(used)), (used, multipliers[used])), shape=(len(multipliers), num.n_unknowns))

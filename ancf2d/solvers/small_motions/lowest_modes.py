@@ -28,7 +28,7 @@ class Pencil:
 
     def __init__(self, model: Model, d: Array, t: float, loads: bool, turned: Array | None = None) -> None:
         self.model, self.d, self.t, self.loads = model, d, t, loads
-        self.system = System(model)
+        self.system = System(model, fixed=True)
         self.system.count_from((d, model.turns.from_reference(d) if turned is None else turned))
         self.balance = self.system.assemble(d, t, load_stiffness=loads)
         self.matrix = self.system.matrix
