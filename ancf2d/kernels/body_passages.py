@@ -143,9 +143,9 @@ def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyp
     ``free`` (n,) : which points may move; depth (n,) is 0 if there is no maximum inside the interval. Call it after
     ``face`` at d (n_full,).
     """
-    arrays = (vector(200), vector(7), vector(points.par.shape[1]), vector(200), vector(WORK), vector(WORK), vector(WORK),
+    room, g, kept = vector(points.par.shape[1]), vector(SAMPLES), vector(points.mem.shape[1])
+    arrays = (vector(200), vector(7), room, vector(200), vector(WORK), vector(WORK), vector(WORK),
               numbers(table.item, DEEP))
-    g, kept = vector(SAMPLES), vector(points.mem.shape[1])
     for k in range(len(table.item)):
         i = table.item[k]
         depth[i] = 0.0

@@ -59,9 +59,15 @@ def fill_curves(table, d, none):  # type: ignore[no-untyped-def]
 
 
 @inner
+def length_of(x, y):  # type: ignore[no-untyped-def]
+    """Return the length of a vector, faster than ``math.hypot``, which avoids overflow."""
+    return math.sqrt(x * x + y * y)
+
+
+@inner
 def normals_of(sign, chord):  # type: ignore[no-untyped-def]
     """Return the normal of a chord, and a bound on its distance from those of the curve; ``sign``: the curve's SIGN."""
-    size = max(math.sqrt(chord[2] * chord[2] + chord[3] * chord[3]), 1e-300)
+    size = max(length_of(chord[2], chord[3]), 1e-300)
     # r' differs from the chord by at most twice the distance, and so the normal by a little more
     off = 3.0 * chord[4] / size if 2.0 * chord[4] < size else ANY
     return -sign * chord[3] / size, sign * chord[2] / size, off
@@ -71,12 +77,12 @@ def normals_of(sign, chord):  # type: ignore[no-untyped-def]
 def _join_normals(one, two, out):  # type: ignore[no-untyped-def]
     """Set the normal of a box, and the bound on its distance from others, by those of the two boxes in it."""
     x, y = one[4] + two[4], one[5] + two[5]
-    size = math.sqrt(x * x + y * y)
+    size = length_of(x, y)
     out[4], out[5], out[6], out[7] = 1.0, 0.0, ANY, math.inf
     if size > 0.0:
         out[4], out[5] = x / size, y / size
-        first = math.hypot(out[4] - one[4], out[5] - one[5]) + one[6]
-        second = math.hypot(out[4] - two[4], out[5] - two[5]) + two[6]
+        first = length_of(out[4] - one[4], out[5] - one[5]) + one[6]
+        second = length_of(out[4] - two[4], out[5] - two[5]) + two[6]
         # a little more for round-off
         out[6] = min(max(first, second) + 1e-12, ANY)
 
@@ -112,7 +118,7 @@ def _sizes(fields, at, terms, sets):  # type: ignore[no-untyped-def]
     """Return bounds on three derivatives of one polynomial, or of two (x, y), with coefficients from ``at`` on."""
     first, second, third = 0.0, 0.0, 0.0
     for j in range(1, terms):
-        size = abs(fields[at + j]) if sets == 1 else math.hypot(fields[at + j], fields[at + terms + j])
+        size = abs(fields[at + j]) if sets == 1 else length_of(fields[at + j], fields[at + terms + j])
         first += j * size
         second += j * (j - 1) * size
         third += j * (j - 1) * (j - 2) * size
@@ -122,7 +128,7 @@ def _sizes(fields, at, terms, sets):  # type: ignore[no-untyped-def]
 @inner
 def lies_behind(box, x, y, depth):  # type: ignore[no-untyped-def]
     """Return whether (x, y) is more than ``depth`` behind the tangent at each point of the curves in a box."""
-    far = math.hypot(max(x - box[0], box[2] - x), max(y - box[1], box[3] - y))
+    far = length_of(max(x - box[0], box[2] - x), max(y - box[1], box[3] - y))
     return box[4] * x + box[5] * y - box[7] + box[6] * far < -depth
 
 

@@ -21,13 +21,13 @@ MARGIN = 1.0
 BENT = 0.5
 
 
-def touches_body(item: Any) -> bool:
-    """Return whether a spring or constraint is a contact between bodies, the coordinates of which change."""
+def contact_of(item: Any) -> tuple[Any, int] | None:
+    """Return pair and point of a spring or constraint that is a contact between bodies, else None; -1: all points."""
     pair = getattr(item, "pair", None)
-    return pair is not None and bool(pair.on_bodies)
+    return (pair, getattr(item, "number", -1)) if pair is not None and pair.on_bodies else None
 
 
-def padded(rows: Sequence[Sequence[int]]) -> Index:
+def padded(rows: Sequence[Any]) -> Index:
     """Return rows of different lengths as one array (m, k), -1 beyond their ends."""
     out = np.full((len(rows), max(map(len, rows), default=0)), -1, dtype=np.int64)
     for row, values in zip(out, rows, strict=True):
@@ -144,7 +144,8 @@ class Couplings:
             i, curve = near(pair, d, margin)
             dofs = np.array([c.dofs for c in pair.curves])
             _, first = np.unique(pair.dofs[i, 0] * len(self.natural) + dofs[curve, 0], return_index=True)
-            sets += coupled(np.hstack([pair.dofs[i[first], :pair.own[1]], dofs[curve[first]]]), self.natural, self.terms)
+            together = np.hstack([pair.dofs[i[first], :pair.own[1]], dofs[curve[first]]])
+            sets += coupled(together, self.natural, self.terms)
             held = constraint[i] >= 0
             if held.any():
                 opposite = padded([unknowns(row, self.natural, self.terms) for row in dofs])[curve[held]]
@@ -158,7 +159,8 @@ class Couplings:
         both = both[both >= 0]
         acts_on = np.split(both % n, np.searchsorted(both, n * np.arange(1, m))) if m else []
         constraints = padded(acts_on)
-        tree = make_fronts(after_coordinates(least_degree(n, sets), constraints), with_multipliers(sets, constraints, n))
+        order = after_coordinates(least_degree(n, sets), constraints)
+        tree = make_fronts(order, with_multipliers(sets, constraints, n))
         row = np.empty(len(self.final), dtype=np.int64)
         row[self.final] = tree.row
         return tree._replace(row=row, unknown=self.final[tree.unknown]), [np.sort(self.final[u]) for u in acts_on]

@@ -177,7 +177,7 @@ def _numbered(members: dict[int, list[int]], parent: dict[int, int], runs: list[
     return Fronts(np.array(first), start, np.concatenate(rows), np.concatenate(into),
                   np.concatenate([[0], np.cumsum(heights**2)]), np.array(above),
                   np.repeat(np.arange(len(order)), np.diff(first)), int(heights.max()), unknown, final,
-                  np.zeros(1, dtype=np.int64))
+                  np.zeros(2, dtype=np.int64))
 
 
 def _children_first(parent: dict[int, int]) -> list[int]:

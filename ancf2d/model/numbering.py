@@ -15,7 +15,7 @@ from ..interactions.forces import Patch
 from ..kernels.matrices.layout import Places
 from .breakpoints import comparison_times
 from .constraints import Constraint, Row
-from .couplings import MARGIN, Couplings, after_coordinates, coupled, padded, touches_body, unknowns, with_multipliers
+from .couplings import MARGIN, Couplings, after_coordinates, contact_of, coupled, padded, unknowns, with_multipliers
 from .fronts import Fronts, band_cost, fronts_cost, least_degree, make_fronts, meeting
 from .mesh import BodyMesh, Index
 
@@ -302,11 +302,11 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
     dependents = sorted(elimination.dependents)
     between = nested and n_q - len(dependents) >= FEW
     # contact between bodies, whose coordinates change
-    contacts = [(c.pair, c.number) if between and touches_body(c) else None for c in constraints]
-    springs = [p for p in patches if between and touches_body(p)]
-    own = [*(m.dofs for m in meshes), *(p.dofs for p in patches if p not in springs)]
-    bound = [c.dofs if pair is None else pair[0].own_dofs(pair[1]) for c, pair in zip(constraints, contacts, strict=True)]
-    pairs = list({id(x): x for x in (*(p.pair for p in springs), *(c[0] for c in contacts if c))}.values())
+    contacts = [contact_of(c) if between else None for c in constraints]
+    springs = [contact_of(p) if between else None for p in patches]
+    own = [*(m.dofs for m in meshes), *(p.dofs for p, one in zip(patches, springs, strict=True) if one is None)]
+    bound = [c.dofs if one is None else one[0].own_dofs(one[1]) for c, one in zip(constraints, contacts, strict=True)]
+    pairs = list({id(one[0]): one[0] for one in (*contacts, *springs) if one is not None}.values())
     follow = ((c, *elimination.dependents[c].terms) for c in dependents)
     source = Source([moving, nested, len(meshes), len(constraints), *follow],
                     [*own, *bound, *(pair.dofs for pair in pairs)])

@@ -257,7 +257,7 @@ class SymmetricFronts(Symmetric):
 
     def __init__(self, fronts: Fronts, multipliers: Multipliers | None = None) -> None:
         # each matrix tells by itself what it has missed
-        self.fronts = fronts._replace(missed=np.zeros(1, dtype=np.int64))
+        self.fronts = fronts._replace(missed=np.zeros(2, dtype=np.int64))
         self.values = np.zeros(int(fronts.at[-1]))
         self.target = Nested(self.values, self.fronts)
         super().__init__(len(fronts.owner), multipliers)

@@ -207,6 +207,10 @@ def matrix_of_one(kind: type) -> TangentMatrix:
 def pattern(model: Model) -> tuple[Array, Array]:
     """Return the row and column of every entry to which an element or patch can contribute."""
     num = model.numbering
+    fronts = num.complete.fronts
+    if num.couplings is not None and fronts is not None:
+        low, high = stored_entries(fronts)
+        return np.append(low, high), np.append(high, low)
     sets = [m.dofs for m in model.meshes.values()] + [p.dofs for p in model.patches]
     sets += [np.append(c.dofs, num.n_q + k)[None, :] for k, c in enumerate(model.constraints)]
     meets = []

@@ -29,8 +29,9 @@ class Fronts(NamedTuple):
     Rows of the matrix are in the order of elimination. first : (m + 1,) first pivot of each front; start : (m + 1,)
     range of its further rows in ``rows`` and ``into`` (row in the parent front); at : (m + 1,) where its (s + u, s + u)
     numbers start; parent : (m,) parent front or -1; owner : (n,) front that eliminates each row; largest : the largest
-    s + u; unknown : (n,) unknown of each row; row : (n,) row of each unknown; missed : (1,) set to 1 when a number
-    other than zero has been assembled to an entry that the fronts do not have, and which is lost.
+    s + u; unknown : (n,) unknown of each row; row : (n,) row of each unknown; missed : (2,) set to 1 when a number
+    other than zero has been assembled to an entry that the fronts do not have, and which is lost; 1 while a motion is
+    in the state for which the fronts were made.
     """
 
     first: Index
@@ -49,7 +50,7 @@ class Fronts(NamedTuple):
 def no_fronts() -> Fronts:
     """Return a tree without fronts, which has the type of all trees."""
     none, one = np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
-    return Fronts(one, one, none, none, one, none, none, 0, none, none, one)
+    return Fronts(one, one, none, none, one, none, none, 0, none, none, np.zeros(2, dtype=np.int64))
 
 
 def stored_entries(fronts: Fronts) -> tuple[Index, Index]:

@@ -61,8 +61,8 @@ from .work import inelastic_work_within, set_history
 
 # rotation in a step [rad] beyond which the turn of its stages is ambiguous
 AMBIGUOUS_TURN = 2.5
-# why ``advance`` returns
-REACHED, FULL, FAILED, EVENT = range(4)
+# why ``advance`` returns; MISSED: the next step needs other entries of matrices
+REACHED, FULL, FAILED, EVENT, MISSED = range(5)
 # kind of a stored state: inside a step, at its end, or the end of a step with states inside, for the energy balance
 INSIDE, END, CHECK = range(3)
 # fraction of a step: times this close to its end count as its end
@@ -226,6 +226,18 @@ def _try_step(m, p, w, s, at, t, h, adaptive):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _misses_entries(p, outcome):  # type: ignore[no-untyped-def]
+    """Return whether a step needs entries that matrices do not have, and forget it otherwise.
+
+    A step that failed, perhaps with wild iterates, does not if they have those for its start.
+    """
+    found = p.fronts.missed[0] != 0 and (outcome == DONE or p.fronts.missed[1] == 0)
+    if not found:
+        p.fronts.missed[0] = 0
+    return found
+
+
+@inner
 def _largest(p, z):  # type: ignore[no-untyped-def]
     """Return the largest displacement [m] (or rate [m/s]) in z (or v), without the states of controllers."""
     return norm(p, array_at(z, 0, (p.inner,)))
@@ -244,6 +256,7 @@ def _accept(p, w, m, s, t, h, tracks, fed_in, happened):  # type: ignore[no-unty
     copy(m.end.v, s.v)
     copy(m.end.a, s.a)
     s.numbers[TIME], s.numbers[OLD_STEP] = t, h
+    p.fronts.missed[1] = 0
     if happened < 0.0:
         for tau in p.tau:
             if tau > 0.0 and not m.switches:
@@ -300,8 +313,8 @@ def _end(m, p, w, s, at, plan, t, h, room, aims):  # type: ignore[no-untyped-def
 def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-untyped-def]
     """Advance the motion s until t_stop, until ``rows`` are full, or for at most ``steps`` steps.
 
-    Wanted times are stored from index ``wanted_from`` on. Returns (REACHED, FULL, FAILED or EVENT; number of states
-    stored, steps logged, outcome and iterations of the last try).
+    Wanted times are stored from index ``wanted_from`` on. Returns (REACHED, FULL, FAILED, EVENT or MISSED; number of
+    states stored, steps logged, outcome and iterations of the last try).
     """
     stored, logged, next_wanted = 0, 0, wanted_from
     outcome, iterations, aims, aimed, event, sooner = DONE, 0, 0, 0.0, False, 0.0
@@ -317,6 +330,8 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         last, target = targets(s, plan, rows, next_wanted)
         h = aimed if aims != 0 else size_to_target(s, last, target, sooner > 0.0)
         outcome, iterations, error, contraction = _try_step(m, p, w, s, at, t, h, plan.dt == 0.0)
+        if _misses_entries(p, outcome):
+            return MISSED, stored, logged, outcome, iterations
         size, fastest = max(s.numbers[SIZE], _largest(p, m.end.z)), _largest(p, m.end.v)
         relative = relative_error(s, error, size, fastest, h)
         fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
@@ -346,6 +361,9 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if p.sided and gains_energy(m, p, w, s, plan, t, h, work - lost, sooner == HIT):
             shorten(m, s, plan, NOT_CONVERGED, h, relative)
             continue
+        if _misses_entries(p, outcome):
+            # of the equations of an impact
+            return MISSED, stored, logged, outcome, iterations
         inside, at_end = wanted_inside(rows, next_wanted, end, NEAR * h)
         ends, left = at_end or (inside > 0 and plan.checks), len(rows.t) - stored
         if inside + ends > left and stored > 0:

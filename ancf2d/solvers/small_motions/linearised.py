@@ -340,12 +340,12 @@ def entries(model: Model, matrix: TangentMatrix) -> tuple[Index, Index]:
         i = np.add.outer(np.arange(n), np.arange(-bw, bw + 1)).ravel()
         inside = (i >= 0) & (i < n)
         return i[inside], np.repeat(np.arange(n), 2 * bw + 1)[inside]
-    if isinstance(matrix, SymmetricFronts):
+    if isinstance(matrix, SymmetricFronts) and model.numbering.couplings is not None:
         low, high = stored_entries(matrix.fronts)
-        rows, columns = np.append(low, high), np.append(high, low)
+        code: Index = np.unique(np.append(low * n + high, high * n + low))
     else:
         rows, columns = pattern(model)
-    code: Index = np.unique(columns.astype(np.int64) * n + rows.astype(np.int64))
+        code = np.unique(columns.astype(np.int64) * n + rows.astype(np.int64))
     return code % max(n, 1), code // max(n, 1)
 
 
