@@ -87,8 +87,8 @@ def near(pair: Any, d: Array | None, margin: float) -> tuple[Index, Index]:
     (a, b), places = pair.segments(d), pair.places(d)
     middle, own = 0.5 * (a + b), pair.mesh.lengths[[p.ie for p in pair.spots]]
     each = len(middle) // len(pair.curves)
-    lengths = np.hypot(*(b - a).T).reshape(-1, each).sum(axis=1)
-    reach = margin * np.maximum(own, lengths.max())
+    # in the reference: iterates of Newton's method may be stretched to any length
+    reach = margin * np.maximum(own, pair.against.lengths.max())
     found = cKDTree(middle).query_ball_point(places, reach)
     count = np.array([len(one) for one in found])
     i, at = np.repeat(np.arange(len(places)), count), np.concatenate([np.zeros(0), *found]).astype(np.int64)

@@ -292,6 +292,21 @@ def order_unknowns(n: int, sets: list[Index], narrow: int) -> tuple[Index, int]:
     return (position, better) if better < width else (natural, width)
 
 
+def _fixed_couplings(meshes: list[BodyMesh], constraints: list[Constraint], patches: list[Patch], between: bool
+                     ) -> tuple[list[tuple[Any, int] | None], list[Any], list[Index], list[Index]]:
+    """Return the contacts between bodies among constraints, their pairs, and the coordinates that always couple.
+
+    The last two are those of elements and patches, and those of each constraint. Unless ``between``, contact between
+    bodies couples all elements.
+    """
+    contacts = [contact_of(c) if between else None for c in constraints]
+    springs = [contact_of(p) if between else None for p in patches]
+    own = [*(m.dofs for m in meshes), *(p.dofs for p, one in zip(patches, springs, strict=True) if one is None)]
+    bound = [c.dofs if one is None else one[0].own_dofs(one[1]) for c, one in zip(constraints, contacts, strict=True)]
+    pairs = {id(one[0]): one[0] for one in (*contacts, *springs) if one is not None}
+    return contacts, list(pairs.values()), own, bound
+
+
 def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[Constraint], patches: list[Patch],
            n_q: int, moving: bool = False, nested: bool = True, like: Numbering | None = None) -> Numbering:
     """Return the numbering of a model; reorder the unknowns only if the natural order is not the narrowest.
@@ -301,12 +316,7 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
     """
     dependents = sorted(elimination.dependents)
     between = nested and n_q - len(dependents) >= FEW
-    # contact between bodies, whose coordinates change
-    contacts = [contact_of(c) if between else None for c in constraints]
-    springs = [contact_of(p) if between else None for p in patches]
-    own = [*(m.dofs for m in meshes), *(p.dofs for p, one in zip(patches, springs, strict=True) if one is None)]
-    bound = [c.dofs if one is None else one[0].own_dofs(one[1]) for c, one in zip(constraints, contacts, strict=True)]
-    pairs = list({id(one[0]): one[0] for one in (*contacts, *springs) if one is not None}.values())
+    contacts, pairs, own, bound = _fixed_couplings(meshes, constraints, patches, between)
     follow = ((c, *elimination.dependents[c].terms) for c in dependents)
     source = Source([moving, nested, len(meshes), len(constraints), *follow],
                     [*own, *bound, *(pair.dofs for pair in pairs)])
@@ -340,15 +350,13 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
     place[free] = final[:len(free)]
     place[n_q:] = final[len(free):]
     everything = np.concatenate([free, n_q + np.arange(len(constraints))])
-    at = np.empty(len(everything), dtype=np.int64)
-    at[final] = everything
+    at = everything[np.argsort(final)]
     place[dependents] = -2 - np.arange(len(dependents))
     place[held] = -1
     indptr, index, value = as_columns(elimination, place)
     couplings = Couplings(natural, terms, sets, acts_on, contacts, pairs, final) if pairs else None
     return Numbering(n_q, len(constraints), place, indptr, index, value, at, np.array(dependents, dtype=np.int64),
-                     width, largest, [final[reached[reached >= 0]] for reached in acts_on], fronts,
-                     source, couplings)
+                     width, largest, [final[reached[reached >= 0]] for reached in acts_on], fronts, source, couplings)
 
 
 def straining_weights(mesh: BodyMesh, extent: float) -> Array:

@@ -9,8 +9,7 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..interactions.inertia import mass_block, mass_terms
-from ..kernels.lowlevel.records import Record
-from ..kernels.matrices.layout import Fronts, Places, entries, stored_entries
+from ..kernels.matrices.layout import Places, stored_entries
 from ..kernels.matrices.matrix import Band, Csr, scatter_classes
 from ..model.classes import mass_matrix
 from ..model.fronts import make_fronts, meeting
@@ -258,7 +257,9 @@ def _empty_matrix(model: Model, num: Numbering) -> TangentMatrix:
     n, bw = num.n_unknowns, min(num.half_bandwidth, max(num.n_unknowns - 1, 0))
     if model.symmetric or n == 0:  # LAPACK takes no empty band
         multipliers = _multipliers(model, num)
-        return SymmetricBand(n, bw, multipliers) if num.fronts is None else SymmetricFronts(num.fronts, multipliers)
+        if num.fronts is not None:
+            return SymmetricFronts(num.fronts, multipliers, num.couplings is not None)
+        return SymmetricBand(n, bw, multipliers)
     if bw <= max(WIDE_BAND * num.largest_element, 60) or n <= 200:
         return GeneralBand(n, bw)
     return GeneralSparse(n, *pattern(model), exchange=bool(model.constraints))
@@ -373,38 +374,3 @@ def inertia_rates(model: Model, state: State) -> Array | None:
     if damping is None or state.v is None:
         return a
     return a + damping.rayleigh.alpha * state.v[:model.n_q]
-
-
-def dense(A: Array, p: Record) -> Array:
-    """Return a dense matrix from one stored as in ``kernels.matrices.symmetric``, including the terms of feedback."""
-    n, rank, states = len(p.coordinate), p.rank, p.feedback.states
-    tail = 0
-    if rank:
-        from ..kernels.motion.feedback import tail_size  # loads the kernels of motion, which statics does not need
-
-        tail = tail_size(n, rank, states)
-    base, out = A[:len(A) - tail], np.zeros((n, n))
-    out[:p.inner, :p.inner] = _of_band(base.reshape(-1, p.width)) if p.width else _of_fronts(base, p.fronts)
-    if rank:
-        P, R = A[len(base):len(base) + 2 * rank * n].reshape(2, rank, n)
-        out += P.T @ R
-        inner = np.arange(p.inner, n)
-        out[inner, inner] += A[len(base) + 2 * rank * n:][:states]
-    return out
-
-
-def _of_fronts(A: Array, fronts: Fronts) -> Array:
-    n = len(fronts.owner)
-    out = np.zeros((n, n))
-    i, j = stored_entries(fronts)
-    out[i, j] = out[j, i] = A[entries(fronts, i, j)]
-    return out
-
-
-def _of_band(band: Array) -> Array:
-    n, w = band.shape
-    out = np.zeros((n, n))
-    for k in range(w):
-        i = np.arange(k, n)
-        out[i, i - k] = out[i - k, i] = band[k:, w - 1 - k]
-    return out

@@ -20,41 +20,16 @@ from ..model.mesh import Index
 from ..model.model import Model
 from .divided_groups import DividedGroups
 from .ldl import Pivots, Symmetric, SymmetricFronts
+from .least_motion import UNIT_ROUNDOFF, sticks
 from .linear import make_matrix
 from .long_vectors import chunks, largest, largest_share
 
-UNIT_ROUNDOFF = 2.0**-53
-# displacements, relative to the extent of a model, that are round-off of the positions
-STILL = 32 * UNIT_ROUNDOFF
-# the same where stiff springs hold sticking contact points without a law
-STUCK = 1e-8
-# least displacement, relative to the extent, to which errors of a motion are relative, as at its start
-LEAST = 1e-9
 # factor for round-off of forces that has the same sign everywhere
 ROUNDED = 10.0
 # relative pivots above this are not round-off
 SUSPECT = 1e-10
 # work through the strains, relative to that of the forces, below which a motion strains nothing
 HIDDEN = 1e-8
-
-
-def sticks(model: Model) -> bool:
-    """Return whether springs hold sticking contact points, as in friction without a law."""
-    return any(pair.hard and pair.item.friction for pair in model.contacts)
-
-
-def least_motion(model: Model) -> float:
-    """Return the displacement [length] below which nothing counts as moved."""
-    return (STUCK if sticks(model) else STILL) * model.extent
-
-
-def least_size(model: Model, tolerance: float) -> float:
-    """Return the least displacement [length] to which local errors of a motion are relative.
-
-    Adaptive steps do not resolve the springs of sticking points; with fixed steps ``tolerance`` is 0.
-    """
-    vibrates = least_motion(model) / tolerance if tolerance > 0.0 and sticks(model) else 0.0
-    return max(LEAST * model.extent, vibrates)
 
 
 @dataclass
@@ -149,7 +124,7 @@ class System:
     @property
     def missed(self) -> bool:
         """Return whether the matrix lacks entries that were assembled: bodies touch where they were not near."""
-        return isinstance(self.matrix, SymmetricFronts) and bool(self.matrix.fronts.missed[0])
+        return isinstance(self.matrix, SymmetricFronts) and self.matrix.missed
 
     def follow(self, d: Array, t: float, margin: float = MARGIN) -> None:
         """Replace the matrix by an empty one with the entries for all elements near each other at d (n_full,)."""

@@ -53,16 +53,21 @@ def no_fronts() -> Fronts:
     return Fronts(one, one, none, none, one, none, none, 0, none, none, np.zeros(2, dtype=np.int64))
 
 
-def stored_entries(fronts: Fronts) -> tuple[Index, Index]:
-    """Return the unknowns of all entries that the fronts have, each once, of either half of the symmetric matrix."""
+def stored_entries(fronts: Fronts, between: NDArray[np.bool_] | None = None) -> tuple[Index, Index]:
+    """Return the unknowns of all entries that the fronts have, each once, of either half of the symmetric matrix.
+
+    With ``between`` (n,), return only entries between one of these unknowns and one of the others.
+    """
     i, j = [], []
     for q, (first, last) in enumerate(zip(fronts.first[:-1].tolist(), fronts.first[1:].tolist(), strict=True)):
         own = np.arange(first, last)
         rows = np.append(own, fronts.rows[fronts.start[q]:fronts.start[q + 1]])
         low, high = (x.ravel() for x in np.meshgrid(own, rows))
-        lower = high >= low
-        i.append(fronts.unknown[high[lower]])
-        j.append(fronts.unknown[low[lower]])
+        chosen = high >= low
+        if between is not None:
+            chosen &= between[fronts.unknown[high]] != between[fronts.unknown[low]]
+        i.append(fronts.unknown[high[chosen]])
+        j.append(fronts.unknown[low[chosen]])
     none = np.zeros(0, dtype=np.int64)
     return np.concatenate([none, *i]), np.concatenate([none, *j])
 

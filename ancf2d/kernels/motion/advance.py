@@ -226,14 +226,20 @@ def _try_step(m, p, w, s, at, t, h, adaptive):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _misses_entries(p, outcome):  # type: ignore[no-untyped-def]
-    """Return whether a step needs entries that matrices do not have, and forget it otherwise.
+def _following_size(m, p, s, plan, h, relative, contraction, lost, stops, cut):  # type: ignore[no-untyped-def]
+    """Return the size of the next step after one of size h, which was ``cut`` or not."""
+    if plan.dt > 0.0:
+        return h
+    following = next_size(m, p, s, h, relative / plan.tolerance, contraction, lost, cut)
+    return size_after_engagement(s, plan, h, stops, following)
 
-    A step that failed, perhaps with wild iterates, does not if they have those for its start.
+
+@inner
+def _misses_entries(p, outcome):  # type: ignore[no-untyped-def]
+    """Return whether a step needs entries that matrices lack, which a failed one does not if they are for its start.
     """
     found = p.fronts.missed[0] != 0 and (outcome == DONE or p.fronts.missed[1] == 0)
-    if not found:
-        p.fronts.missed[0] = 0
+    p.fronts.missed[0] = 1 if found else 0
     return found
 
 
@@ -313,8 +319,8 @@ def _end(m, p, w, s, at, plan, t, h, room, aims):  # type: ignore[no-untyped-def
 def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-untyped-def]
     """Advance the motion s until t_stop, until ``rows`` are full, or for at most ``steps`` steps.
 
-    Wanted times are stored from index ``wanted_from`` on. Returns (REACHED, FULL, FAILED, EVENT or MISSED; number of
-    states stored, steps logged, outcome and iterations of the last try).
+    Wanted times are stored from index ``wanted_from`` on. Returns why it stops (REACHED to MISSED), the number of
+    states stored, steps logged, outcome and iterations of the last try.
     """
     stored, logged, next_wanted = 0, 0, wanted_from
     outcome, iterations, aims, aimed, event, sooner = DONE, 0, 0, 0.0, False, 0.0
@@ -362,7 +368,6 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             shorten(m, s, plan, NOT_CONVERGED, h, relative)
             continue
         if _misses_entries(p, outcome):
-            # of the equations of an impact
             return MISSED, stored, logged, outcome, iterations
         inside, at_end = wanted_inside(rows, next_wanted, end, NEAR * h)
         ends, left = at_end or (inside > 0 and plan.checks), len(rows.t) - stored
@@ -375,13 +380,9 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         set_history(m, p, h, 0.0)
         if inside + ends > left:
             return FULL, stored, logged, outcome, iterations
-        s.numbers[WORK] += work
-        s.numbers[LOST] += lost
-        following = h
-        if plan.dt == 0.0:
-            cut = event or (target < last and h < s.numbers[STEP_SIZE])
-            following = next_size(m, p, s, h, relative / plan.tolerance, contraction, lost, cut)
-            following = size_after_engagement(s, plan, h, stops, following)
+        s.numbers[WORK], s.numbers[LOST] = s.numbers[WORK] + work, s.numbers[LOST] + lost
+        following = _following_size(m, p, s, plan, h, relative, contraction, lost, stops,
+                                    event or (target < last and h < s.numbers[STEP_SIZE]))
         if end >= last and plan.dt > 0.0 and last < plan.t_stop:
             s.numbers[GRID] += 1.0
         worst = _accept(p, w, m, s, end, h, plan.tracks, work - lost, sooner)
@@ -391,7 +392,6 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         _log(s, rows.log[logged], end, h, iterations, relative, worst)
         logged += 1
         if ends or (rows.every > 0 and s.numbers[COUNT] % rows.every == 0):
-            kind = CHECK if ends and not at_end else END
-            time = rows.wanted[next_wanted] if at_end else end
+            kind, time = CHECK if ends and not at_end else END, rows.wanted[next_wanted] if at_end else end
             _store(p, rows, stored, time, logged - 1, kind, s, s.numbers[WORK], s.numbers[LOST])
             stored, next_wanted = stored + 1, next_wanted + (1 if at_end else 0)

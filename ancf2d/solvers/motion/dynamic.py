@@ -22,9 +22,9 @@ from ...model.model import Model
 from ...pace import Pace
 from ..contact import check_pressed_through, set_memory
 from ..energy import Energies, constant_loads, extra_energy, is_constant
+from ..least_motion import least_motion
 from ..long_vectors import largest_share
 from ..state import State, check_checkpoint
-from ..system import least_motion
 from .estimate import Estimate, step_ends
 from .initial import initial_motion, layers_warnings
 from .integrators import SCIPY_METHODS

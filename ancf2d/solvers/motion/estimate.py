@@ -20,8 +20,8 @@ from ...model.model import Model
 from ...model.rotation import CoordinateKinds
 from ...pace import Pace
 from ...processors import threads
+from ..least_motion import least_motion, least_size, sticks
 from ..state import Row
-from ..system import least_motion, least_size, sticks
 from .stepping import Stepper
 from .warnings import missed_tolerance
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -43,32 +43,14 @@ class Layout:
 
     def apply(self) -> None:
         """Use the entries for ``d`` and ``margin`` in the problems of the motion."""
-        motion, found = self.motion, self._problem_near(self.d, self.margin)
+        motion, found = self.motion, self.problem_near(self.d, self.margin)
         motion.evaluation_problem = with_entries(motion.evaluation_problem, found)
         motion.use_problem(with_entries(motion.p, found))
 
-    def _problem_near(self, d: Array, margin: float) -> Record:
+    def problem_near(self, d: Array, margin: float) -> Record:
         """Return the problem with the entries for elements that are near each other at d (n_full,)."""
         model = self.motion.model
         return make_problem(model, model.numbering.near(d[:len(model.numbering.place)], margin))[0]
-
-    def read(self, every: bool, side: Array, onto: Array, columns: Sequence[Array], to: Sequence[Array]) -> None:
-        """Read stored states as ``kernels.motion.many_states.read_states``, each with the entries that it needs."""
-        motion, given = self.motion, [x.copy() for x in columns[:3]]
-        p = motion.evaluation_problem
-        p.fronts.missed[0] = 0
-        read_states(p, motion.w, every, side, onto, *columns, *to)
-        for k in range(len(side) if p.fronts.missed[0] else 0):
-            one, w, part, margin = p, motion.w, slice(k, k + 1), self.margin
-            one.fronts.missed[0] = 1
-            while one.fronts.missed[0]:
-                for x, start in zip(columns[:3], given, strict=True):
-                    x[k] = start[k]
-                one.fronts.missed[0] = 0
-                read_states(one, w, every, side[part], onto[part], *(x[part] for x in columns), *(x[part] for x in to))
-                if one.fronts.missed[0]:
-                    one, margin = with_entries(p, self._problem_near(to[0][k], margin)), 2.0 * margin
-                    one.fronts.missed[0], w = 1, w.replaced(A=np.zeros(len(one.mass)))
 
     def checkpoint(self) -> Array:
         """Return what the entries depend on."""
@@ -87,3 +69,33 @@ def with_entries(p: Record, found: Record) -> Record:
         fronts=then.fronts._replace(missed=np.array([0, 1])), row_place=then.row_place, row_index=then.row_index,
         mass=then.mass.copy(), moving=now.moving._replace(fixed=then.moving.fixed),
         points=now.points._replace(assembly=with_own(then.points.assembly, "skew", "has_skew")))
+
+
+def repeated(motion: Any, compute: Callable[[], bool]) -> bool:
+    """Return the result of a function that changes positions and rates of a motion, repeated if matrices lack entries.
+    """
+    z, v = motion.s.z.copy(), motion.s.v.copy()
+    result = compute()
+    while motion.layout is not None and motion.p.fronts.missed[0]:
+        motion.s.z[:], motion.s.v[:] = z, v
+        motion.layout.follow()
+        result = compute()
+    return result
+
+
+def read(motion: Any, every: bool, side: Array, onto: Array, columns: Sequence[Array], to: Sequence[Array]) -> None:
+    """Read stored states as ``kernels.motion.many_states.read_states``, each with the entries that it needs."""
+    p, given = motion.evaluation_problem, [x.copy() for x in columns[:3]]
+    p.fronts.missed[0] = 0
+    read_states(p, motion.w, every, side, onto, *columns, *to)
+    for k in range(len(side) if p.fronts.missed[0] else 0):
+        one, w, part, margin = p, motion.w, slice(k, k + 1), motion.layout.margin
+        one.fronts.missed[0] = 1
+        while one.fronts.missed[0]:
+            for x, start in zip(columns[:3], given, strict=True):
+                x[k] = start[k]
+            one.fronts.missed[0] = 0
+            read_states(one, w, every, side[part], onto[part], *(x[part] for x in columns), *(x[part] for x in to))
+            if one.fronts.missed[0]:
+                one, margin = with_entries(p, motion.layout.problem_near(to[0][k], margin)), 2.0 * margin
+                one.fronts.missed[0], w = 1, w.replaced(A=np.zeros(len(one.mass)))

@@ -12,10 +12,10 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion import advance as kernels
-from ...kernels.motion.consistent import consistent, kinetic
-from ...kernels.motion.dynamics import forces, signals_at
+from ...kernels.motion.consistent import consistent
+from ...kernels.motion.dynamics import signals_at
 from ...kernels.motion.impact import consistent_start
-from ...kernels.motion.many_states import AS_IS, FORCES_ALONE, POSITIONS, RATES, read_states
+from ...kernels.motion.many_states import AS_IS, FORCES_ALONE, POSITIONS, RATES
 from ...kernels.motion.state import (
     LOST,
     SIZE,
@@ -32,16 +32,16 @@ from ...model.breakpoints import MotionPiece, motion_pieces, piece_at
 from ...model.model import Model
 from ...model.point_patch import PointConstraint
 from ...model.timing import Signal
+from ..least_motion import least_size
 from ..state import MEMORIES, Row, with_rows
-from ..system import least_size
-from .breaks import MovingPoints, impulse_of_dependents, pass_break
+from .breaks import MovingPoints, first_step, impulse_of_dependents, pass_break
 from .events import Events
 from .failures import check_signals, cut_off, failure, fastest
 from .feedback import MotionFeedback
 from .impacts import COLUMNS, Impacts
 from .initial import continues_from_file
 from .integrators import INTEGRATORS, default_method
-from .layout import Layout
+from .layout import Layout, read, repeated
 from .own_integrators import MAKERS, Method, newton_tolerance
 from .problem import driving_signals, tracks_work, with_own_tables
 
@@ -150,7 +150,7 @@ class Stepper:
         self.s.numbers[SIZE] = least_size(self.model, self.tolerance if self.dt == 0.0 else 0.0)
         self.feedback.set_weights()
         if self.dt == 0.0:
-            self.s.numbers[STEP_SIZE] = self.first_step()
+            self.s.numbers[STEP_SIZE] = first_step(self)
 
     def _begin_from(self, d: Array, v: Array, turned: Array) -> None:
         self._place(d, v, turned)
@@ -178,13 +178,8 @@ class Stepper:
             self.p.points.mem[rows, :mem.shape[1]] = mem
 
     def consistent(self, t: float, impulse: Array) -> None:
-        make, start = consistent_start if self.p.sided else consistent, (self.s.z.copy(), self.s.v.copy())
-        regular = make(self.p, self.w, self.s.z, self.s.v, self.s.a, t, impulse)
-        while self.layout is not None and self.p.fronts.missed[0]:
-            self.s.z[:], self.s.v[:] = start
-            self.layout.follow()
-            regular = make(self.p, self.w, self.s.z, self.s.v, self.s.a, t, impulse)
-        if not regular:
+        make = consistent_start if self.p.sided else consistent
+        if not repeated(self, lambda: make(self.p, self.w, self.s.z, self.s.v, self.s.a, t, impulse)):
             raise ComputationError(
                 "the mass matrix is singular, or joints hold the same motion twice", at={"t": t},
                 advice="give every body a density (rhoI too if the section is given by stiffnesses); remove joints "
@@ -205,21 +200,8 @@ class Stepper:
         count_turns(self.p.turning, d, rates, h, *out)
         return out
 
-    def first_step(self) -> float:
-        """Return a first step in which little changes, by rates, accelerations and damping losses at the start."""
-        weights = self.p.weights
-        size = max(float(np.max(weights * np.abs(self.s.z), initial=0.0)), 1e-3 * self.p.extent)
-        speed, pull = (float(np.max(weights * np.abs(x), initial=0.0)) for x in (self.s.v, self.s.a))
-        times = [self._largest()]
-        times += [size / speed] if speed > 0.0 else []
-        times += [(2.0 * size / pull) ** 0.5] if pull > 0.0 else []
-        energy = kinetic(self.p, self.w, self.s, self.t)
-        lost = forces(self.p, self.w, self.s.z, self.s.v)[1]
-        times += [energy / lost] if energy > 0.0 and lost > 0.0 else []
-        order = self.method.order if self.m is None else self.m.order
-        return min(times) * 0.1 * self.tolerance ** (1.0 / order)
-
-    def _largest(self) -> float:
+    def longest_step(self) -> float:
+        """Return the longest step allowed."""
         return self.spec.t_end / (50.0 if len(self.pieces) > 1 or self.tracks_work else 10.0)
 
     def _restart(self) -> None:
@@ -231,7 +213,7 @@ class Stepper:
         """Set the displacement [m] that local errors of adaptive steps are relative to, at least."""
         self.s.numbers[SIZE] = max(size, least_size(self.model, self.tolerance))
         self.feedback.set_weights()
-        self.s.numbers[STEP_SIZE] = self.first_step()
+        self.s.numbers[STEP_SIZE] = first_step(self)
 
     @property
     def size(self) -> float:
@@ -289,7 +271,7 @@ class Stepper:
         """
         assert self.m is not None
         stop, end = self.pieces[self.piece].stop, self.spec.t_end
-        plan = kernels.StepPlan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), fastest(self),
+        plan = kernels.StepPlan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self.longest_step(), fastest(self),
                             self.tracks_work, self.ends_at_states, self.keeps_checks)
         self._plan = self._plan if self._plan is not None and self._plan.values == plan else Record(plan)
         why, stored, logged, outcome, _ = kernels.advance(
@@ -331,11 +313,7 @@ class Stepper:
         onto = np.where(kind == kernels.INSIDE, self.projection_inside, self.projection_at_ends)
         if onto.any():
             columns = *(x.copy() for x in columns[:3]), *columns[3:]
-        to = (*(full if every else [full[0]] * 4), energy)
-        if self.layout is None:
-            read_states(self.evaluation_problem, self.w, every, side, onto, *columns, *to)
-        else:
-            self.layout.read(every, side, onto, columns, to)
+        read(self, every, side, onto, columns, (*(full if every else [full[0]] * 4), energy))
         for row, one, *found in zip(rows, energy, *full[..., :len(self.model.numbering.place)], strict=True):
             row.full, row.energy = tuple(found), (float(one[0]), float(one[1]))
 

@@ -14,8 +14,9 @@ from ...kernels.elements import tangent_action
 from ...model.model import Model
 from ...model.rotation import CoordinateKinds
 from ..ldl import Pivots
+from ..least_motion import UNIT_ROUNDOFF
 from ..linear import assemble_mass, make_matrix
-from ..system import UNIT_ROUNDOFF, System
+from ..system import System
 from .rayleigh_ritz import graded_ritz
 
 
