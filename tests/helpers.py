@@ -15,6 +15,7 @@ from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.elements.definition import ElementType
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS, FAMILY, ancf
+from ancf2d.kernels.matrices.layout import entries, stored_entries
 from ancf2d.model.build import build_model
 from ancf2d.model.model import Model
 from ancf2d.model.point_tables import Batch, batches
@@ -301,13 +302,8 @@ def dense(target: Any, n: int) -> np.ndarray:
             for j in range(max(0, i - bw), i + 1):
                 out[i, j] = out[j, i] = A[i, bw + j - i]
     elif kind == "Nested":
-        f = target.fronts
-        for q in range(len(f.parent)):
-            own = np.arange(f.first[q], f.first[q + 1])
-            front = np.append(own, f.rows[f.start[q]:f.start[q + 1]])
-            for i, row in enumerate(front):
-                for j, column in enumerate(own[:i + 1]):
-                    out[row, column] = out[column, row] = A[f.at[q] + (i + 1) * (len(front) - 1) + j]
+        i, j = stored_entries(target.fronts)
+        out[i, j] = out[j, i] = A[entries(target.fronts, i, j)]
     elif kind == "Band":
         bw = (A.shape[1] - 1) // 3
         for j in range(n):

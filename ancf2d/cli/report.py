@@ -223,7 +223,7 @@ def built_report(model: Any) -> str:
     """Return the text of ``-v`` on a model: its parts, and the parts that were left out as not needed."""
     from ..solvers.state_results import asks_for_forces
 
-    num, lines = model.numbering, []
+    num, lines = model.numbering.in_reference, []
     for name, mesh in model.meshes.items():
         plan = mesh.plan
         if plan.rigid:
@@ -262,8 +262,8 @@ def matrix_text(model: Any) -> str:
     if model.case.solver.moves:
         # with inertia on the diagonal, and multipliers ordered after the coordinates they act on, LDL^T needs no
         # pivoting
-        return _MATRICES["SymmetricBand" if model.numbering.fronts is None else "SymmetricFronts"]
-    kind = type(make_matrix(model)).__name__
+        return _MATRICES["SymmetricBand" if not model.numbering.nested else "SymmetricFronts"]
+    kind = type(make_matrix(model, model.numbering.in_reference)).__name__
     return _MATRICES.get(kind, kind)
 
 

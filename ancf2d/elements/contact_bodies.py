@@ -56,7 +56,7 @@ from .contact_geometry import (
     WORK,
     opens_by_force,
 )
-from .point_laws import PointLaw, work_matrix, work_vector
+from .point_laws import APART, PointLaw, work_matrix, work_vector
 
 
 def slip_from_anchor(other, mem, place, unit):  # type: ignore[no-untyped-def]
@@ -134,11 +134,11 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     n, stiffness, damping = len(u), par[STIFFNESS], par[DAMPING]
     g, nx, ny, z = gap_between(par, p0, u, mem, own, work, across)
     if not g < 0.0:
-        return 0.0, 0.0
+        return 0.0, APART
     shares = shares_at(par, mem, nx, ny, g, z, own)
     weight, whole = par[WEIGHT] * shares[0] * shares[6], 0.5 * par[WEIGHT] * stiffness * g * g
     if weight == 0.0:
-        return 0.0, 0.0
+        return 0.0, APART
     gap_derivatives(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H)
     rate = 0.0
     for q in range(n):

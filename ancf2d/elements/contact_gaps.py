@@ -89,8 +89,8 @@ class Facing(NamedTuple):
     fields and coordinates; arms : (ways + 1,) where the arms of each body start; first : (arms + 1,) where the curves
     of each arm start, tree : (arms + 1,) where its tree starts; curve : (curves, CURVE_SIZE) constants of a curve;
     sizes : (curves, 2) its fields and coordinates;
-    at : (curves, 3) where its entries of dofs, G and p0 start; now, chords : (curves, 5), boxes : (., 4) work arrays
-    for fields, chords (``kernels.chords``) and the tree.
+    at : (curves, 3) where its entries of dofs, G and p0 start; now, chords : (curves, 5), boxes : (., 8) work arrays
+    for fields, chords and the tree (``kernels.chords``).
     """
 
     item: Any

@@ -17,6 +17,7 @@ from ..elements.contact_gaps import Facing
 from ..elements.formulations.base import cross
 from ..elements.shape import Array
 from ..model.mesh import BodyMesh, Index
+from .body_overlap import greatest_depth, nearest_on_segments
 from .contact import STICK, TOUCH, Contact
 from .contact_curves import (
     Spot,
@@ -202,7 +203,7 @@ class BodyPair:
         if self.item.side == "axis":
             self.mem[:, facing.SIDE] = self._sides()
 
-    def _places(self, d: Array | None = None) -> Array:
+    def places(self, d: Array | None = None) -> Array:
         """Return the positions (k, 2) of the points in the reference, or at displacements d (n_full,)."""
         out, u = np.zeros((len(self.spots), 2)), np.zeros_like(self.p0)
         fields, coords = self.own
@@ -218,12 +219,17 @@ class BodyPair:
     def _sides(self) -> Array:
         """Return the side of the other axis on which each point is in the reference, 0 beyond its ends."""
         (a, b), out = self.segments(), np.zeros(len(self.spots))
-        for k, p in enumerate(self._places()):
-            distance, z = _nearest(p, a, b)
+        for k, p in enumerate(self.places()):
+            distance, z = nearest_on_segments(p, a, b)
             n = int(np.argmin(distance))
             beyond = not self.against.plan.closed and ((n == 0 and z[n] == 0.0) or (n == len(z) - 1 and z[n] == 1.0))
             out[k] = 0.0 if beyond else np.sign(cross(b[n] - a[n], p - a[n]))
         return out
+
+    @cached_property
+    def places_along(self) -> Array:
+        """The distance along the other body of the middle of each curve [m]."""
+        return np.array([c.constants[facing.START] + 0.5 * c.constants[facing.SPAN] for c in self.curves])
 
     def segments(self, d: Array | None = None) -> tuple[Array, Array]:
         """Return the ends (n, 2) of straight segments of the other body's curves in the reference or at d (n_full,)."""
@@ -246,63 +252,17 @@ class BodyPair:
         return found[:, :-1].reshape(-1, 2), found[:, 1:].reshape(-1, 2)
 
     def overlap(self, d: Array | None = None) -> tuple[float, float]:
-        """Return the greatest depth of a point in the other body, and S of this point; 0 if there is none.
-
-        It is taken in the reference, or at d (n_full,), less the possible distance of the segments from the curves.
-        """
-        if self.item.side == "axis":
-            return 0.0, 0.0
-        if self.against is self.mesh:
-            return self._self_overlap(d)
-        (a, b), deepest, at = self.segments(d), 0.0, 0.0
-        # the distance of a chord from an arc is bounded by the rotation to the next chord
-        turn = np.abs(cross(b[:-1] - a[:-1], b[1:] - a[1:])) * (np.hypot(*(b[:-1] - a[1:]).T) < 1e-12 * self.scale)
-        off = float((turn / np.hypot(*(b - a).T)[:-1])[np.arange(1, len(a)) % (STATIONS - 1) > 0].max(initial=0.0))
-        low, high = np.minimum(a, b).min(axis=0), np.maximum(a, b).max(axis=0)
-        arm = np.repeat(np.arange(len(self.arms)), np.array(self.arms) * (STATIONS - 1))
-        for p, s in zip(self._places(d), self.s.tolist(), strict=True):
-            if (p < low).any() or (p > high).any():
-                continue
-            above = (a[:, 1] > p[1]) != (b[:, 1] > p[1])
-            with np.errstate(divide="ignore", invalid="ignore"):
-                x = a[:, 0] + (p[1] - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
-            inside = np.bincount(arm, above & (x > p[0])) % 2 > 0
-            if not inside.any():
-                continue
-            depth = max(_nearest(p, a[arm == k], b[arm == k])[0].min() for k in np.flatnonzero(inside)) - off
-            if depth > deepest:
-                deepest, at = float(depth), s
-        return deepest, at
-
-    def _self_overlap(self, d: Array | None) -> tuple[float, float]:
-        """Return the greatest depth of a body in itself, by distances of places of its axis, and S of one of them."""
-        from scipy.spatial import cKDTree
-
-        mesh, z, height = self.mesh, np.linspace(-1.0, 1.0, STATIONS)[:-1], self.mesh.plan.section.height
-        places, s = [], (mesh.starts[:, None] + 0.5 * (z + 1.0) * mesh.lengths[:, None]).ravel()
-        for ie, dofs in enumerate(mesh.dofs):
-            rows, terms, _ = curve_rows(mesh, ie, 0.0)
-            c = rows[:2 * terms] @ (mesh.e0[dofs - mesh.first_dof] + (0.0 if d is None else d[dofs]))
-            places.append(np.vander(z, terms, increasing=True) @ c.reshape(2, terms).T)
-        near = cKDTree(np.concatenate(places)).sparse_distance_matrix(cKDTree(np.concatenate(places)), height).tocoo()
-        along = np.abs(s[near.row] - s[near.col])
-        if mesh.plan.closed:
-            along = np.minimum(along, mesh.plan.length - along)
-        for at, far in self.excluded:
-            along[np.abs(s[near.row] - at) < far] = 0.0
-        apart = np.flatnonzero(along > np.pi * height)
-        if not len(apart):
-            return 0.0, 0.0
-        k = apart[np.argmin(near.data[apart])]
-        return float(height - near.data[k]), float(s[near.row[k]] / mesh.plan.length)
+        """Return the greatest depth of a point in the other body, and S of this point; see ``body_overlap``."""
+        return greatest_depth(self, d, 0.0, self.item.side)
 
     def pressed_through(self, d: Array) -> str:
         """Return a message if a point is so deep in the other body at d (n_full,) that it may pass through it, else "".
 
         The limit is just below half the height: a deeper point is nearer to the far side.
         """
-        depth, s = self.overlap(d)
-        if depth <= TOO_DEEP * self.against.plan.section.height:
+        limit = TOO_DEEP * self.against.plan.section.height
+        depth, s = greatest_depth(self, d, limit, self.item.side)
+        if depth <= limit:
             return ""
         return f"{self.name}: {self.body} is pressed {depth:.4g} into {self.other} at S = {s:.4g}"
 
@@ -338,6 +298,10 @@ class BodyPair:
                 corner, float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"), yields, loop,
                 float(bool(self.follows) and not moves(self.mesh, p, self.follows)), fade]
 
+    def own_dofs(self, i: int) -> Index:
+        """Return the coordinates of the element of point i."""
+        return self.dofs[i, :self.own[1]]
+
     @cached_property
     def all_coordinates(self) -> Index:
         """All coordinates that each item can act on (k, n); points refer to rows of it."""
@@ -350,12 +314,6 @@ class BodyPair:
         """All sets of coordinates on which an item can act together (k, n): one element of each body."""
         own, other = np.unique(self.dofs[:, :self.own[1]], axis=0), self.against.dofs
         return np.hstack([np.repeat(own, len(other), axis=0), np.tile(other, (len(own), 1))])
-
-
-def _nearest(p: Array, a: Array, b: Array) -> tuple[Array, Array]:
-    """Return the distances (n,) of a point from segments from a to b (n, 2), and the nearest places on them, 0 to 1."""
-    z = np.clip(np.einsum("nc,nc->n", p - a, b - a) / np.einsum("nc,nc->n", b - a, b - a), 0.0, 1.0)
-    return np.hypot(*(p - a - z[:, None] * (b - a)).T), z
 
 
 def _is_end(mesh: BodyMesh, p: Spot) -> bool:
@@ -396,4 +354,4 @@ def facing_table(patches: Sequence[Any]) -> Facing:
                   whole(np.cumsum([0, *trees])), np.array([c.constants for c in curves]).reshape(-1, facing.CURVE_SIZE),
                   whole([(len(c.p0), len(c.dofs)) for c in curves], (2,)), whole(before, (3,)),
                   joined([c.dofs for c in curves], np.int64), joined([c.G for c in curves]), p0, np.zeros_like(p0),
-                  np.zeros((len(curves), 5)), np.zeros((sum(trees), 4)))
+                  np.zeros((len(curves), 5)), np.zeros((sum(trees), 8)))

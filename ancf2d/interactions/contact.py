@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -241,11 +241,16 @@ class CompliantContact:
     ends: tuple[()] = ()
 
     def __init__(self, pair: Any) -> None:
-        self.pair, self.law, self.dofs, self.signal = pair, pair.law, pair.coordinate_sets, pair.signal
+        self.pair, self.law, self.signal = pair, pair.law, pair.signal
         self.symmetric = pair.item.friction == 0.0
         self.damped = bool(pair.item.law and pair.item.law.damping) or not self.symmetric
         # all points of an elastic body together: see ``point_patch.PointPatch``
         self.breaks: Sequence[int] = range(len(pair.spots)) if pair.mesh.plan.rigid else (0,)
+
+    @cached_property
+    def dofs(self) -> Index:
+        """All sets of coordinates on which a spot acts together (m, n)."""
+        return cast("Index", self.pair.coordinate_sets)
 
     def items(self) -> Items:
         """Return the law at all spots as point items."""

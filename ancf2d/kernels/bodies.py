@@ -23,7 +23,7 @@ from .elements import (
 from .forces import GROUP
 from .lowlevel.jit import addressed, inner, named
 from .lowlevel.records import Record, at
-from .matrices.symmetric import in_band, in_fronts, places_in
+from .matrices.symmetric import in_band, in_fronts, rows_in
 
 
 def addresses(groups: Sequence[Record]) -> Any:
@@ -39,10 +39,10 @@ def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
     """Return the functions that add tangents of elastic forces, and of those of a conserving step, to one matrix kind.
     """
     def tangent(p, g, scale, d, Q, A):  # type: ignore[no-untyped-def]
-        return force_tangent(group_at(p.groups[g]), d, scale, Q, stored(p, A), places_in(p))
+        return force_tangent(group_at(p.groups[g]), d, scale, Q, stored(p, A), rows_in(p))
 
     def mean_tangent(p, g, damping, d0, d1, Q, A):  # type: ignore[no-untyped-def]
-        return mean_force_tangent(group_at(p.groups[g]), damping, d0, d1, Q, stored(p, A), places_in(p))[0]
+        return mean_force_tangent(group_at(p.groups[g]), damping, d0, d1, Q, stored(p, A), rows_in(p))[0]
 
     return addressed(named(tangent, kind)), addressed(named(mean_tangent, kind))
 

@@ -118,13 +118,16 @@ def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, waiting):  # type: ignore[no-untyped-def]
-    """Return the gap of point k at position z of its element, inf if it faces nothing or only an end."""
+def _gap_from(table, points, k, d, z, within, arrays):  # type: ignore[no-untyped-def]
+    """Return the gap of point k at position z of its element, inf if it faces nothing ``within`` a distance, or only an
+    end."""
+    u, best, room, none, own, work, across, waiting = arrays
     i = table.item[k]
     points.mem[i, PLACE] = z
     fields_of_item(points, i, d, u)
-    find_curve(table, points, k, u, z, np.inf, best, room, none, waiting)
-    if _is_past_end(points.par[i, OPPOSITE:], points.mem[i, FOOT_KIND]):
+    points.apart[i] = 0.0
+    find_curve(table, points, k, u, z, within, best, room, none, waiting)
+    if points.apart[i] == np.inf or _is_past_end(points.par[i, OPPOSITE:], points.mem[i, FOOT_KIND]):
         return np.inf
     fields_of_item(points, i, d, u)
     b, e = points.field[i], points.field[i + 1]
@@ -140,9 +143,9 @@ def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyp
     ``free`` (n,) : which points may move; depth (n,) is 0 if there is no maximum inside the interval. Call it after
     ``face`` at d (n_full,).
     """
-    u, none, best = vector(200), vector(200), vector(7)
-    own, work, across, room = vector(WORK), vector(WORK), vector(WORK), vector(points.par.shape[1])
-    waiting, g, kept = numbers(table.item, DEEP), vector(SAMPLES), vector(points.mem.shape[1])
+    room, g, kept = vector(points.par.shape[1]), vector(SAMPLES), vector(points.mem.shape[1])
+    arrays = (vector(200), vector(7), room, vector(200), vector(WORK), vector(WORK), vector(WORK),
+              numbers(table.item, DEEP))
     for k in range(len(table.item)):
         i = table.item[k]
         depth[i] = 0.0
@@ -153,18 +156,18 @@ def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyp
         half, at = points.par[i, HALF_INTERVAL], 0
         low, step = points.par[i, HOME] - half, 2.0 * half / (SAMPLES - 1)
         for s in range(SAMPLES):
-            g[s] = _gap_from(table, points, k, d, low + s * step, u, best, room, none, own, work, across, waiting)
+            g[s] = _gap_from(table, points, k, d, low + s * step, points.par[i, OPPOSITE + DEEPEST], arrays)
             at = s if g[s] < g[at] else at
         if 0 < at < SAMPLES - 1 and g[at] < 0.0:
             # golden section search between the neighbours
             a, e = low + (at - 1) * step, low + (at + 1) * step
             for _ in range(SECTIONS):
                 one, two = e - GOLDEN * (e - a), a + GOLDEN * (e - a)
-                if _gap_from(table, points, k, d, one, u, best, room, none, own, work, across, waiting) < _gap_from(
-                        table, points, k, d, two, u, best, room, none, own, work, across, waiting):
+                if _gap_from(table, points, k, d, one, np.inf, arrays) < _gap_from(table, points, k, d, two, np.inf,
+                                                                                   arrays):
                     e = two
                 else:
                     a = one
             place[i] = 0.5 * (a + e)
-            depth[i] = -_gap_from(table, points, k, d, place[i], u, best, room, none, own, work, across, waiting)
+            depth[i] = -_gap_from(table, points, k, d, place[i], np.inf, arrays)
         copy(kept, points.mem[i])

@@ -82,7 +82,7 @@ def _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, alone):  # type: igno
         energy, power = law_or_distance(points, i, u, w, a, f, H, C, m)
         if power == APART:
             _store_distance(points, i, d, 0.0 if points.fed[i, 0] >= 0 else energy)
-            return 0.0, 0.0, MULTIPLIER
+            return 0.0, 0.0, MULTIPLIER if points.multiplier[i] >= 0 else NOTHING
         points.apart[i] = 0.0
         opens = points.restitution[i] >= 0.0 and H[m * m - 1] != 0.0
         return energy, power, MULTIPLIER if opens else ALL

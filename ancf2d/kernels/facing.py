@@ -56,7 +56,7 @@ from ..elements.contact_geometry import (
     UNUSED_ON_ELEMENT,
     WORK,
 )
-from .chords import distance_from_box, fill_curves, nearest_on_chord
+from .chords import distance_from_box, fill_curves, lies_behind, nearest_on_chord, normals_of
 from .compiled_laws import part
 from .lowlevel.arrays import copy, numbers, vector
 from .lowlevel.jit import inner, kernel, seldom
@@ -87,10 +87,8 @@ def _can_touch(par, point, curve, chord, tx, ty):  # type: ignore[no-untyped-def
     first, last = curve[START] - point[POINT_S], curve[START] + curve[SPAN] - point[POINT_S]
     if max(abs(first), abs(last)) < point[LEAST_DISTANCE] or (point[ONWARD] > 0.0 and last <= 0.0):
         return False
-    size = max(math.sqrt(chord[2] * chord[2] + chord[3] * chord[3]), 1e-300)
-    # r' differs from the chord by at most twice the distance, and so the normal by a little more
-    off = 3.0 * chord[4] / size if 2.0 * chord[4] < size else 2.0
-    return _faces(par, point, -curve[SIGN] * chord[3] / size, curve[SIGN] * chord[2] / size, tx, ty, off)
+    nx, ny, off = normals_of(curve[SIGN], chord)
+    return _faces(par, point, nx, ny, tx, ty, off)
 
 
 @inner
@@ -230,7 +228,11 @@ def _nearest_in_tree(table, arm, end, par, x, y, tx, ty, best, room, none, waiti
         count -= 1
         k = waiting[count]
         near = min(best[0], best[5])
-        if distance_from_box(table.boxes[root + k], x, y) >= near:
+        box = table.boxes[root + k]
+        if distance_from_box(box, x, y) >= near or not _faces(par, room, box[4], box[5], tx, ty, box[6]):
+            continue
+        if room[BOTH_SIDES] == 0.0 and lies_behind(box, x, y, room[DEEPEST]):
+            # too deep inside the body
             continue
         if k >= n - 1:
             c = first + k - (n - 1)

@@ -14,7 +14,7 @@ from . import calls
 from .lowlevel.arrays import array
 from .lowlevel.jit import addressed, inner, named
 from .matrices.matrix import scatter
-from .matrices.symmetric import in_band, in_fronts, places_in
+from .matrices.symmetric import in_band, in_fronts, rows_in
 from .points import weights_of_item
 
 
@@ -157,7 +157,7 @@ def _with_matrix(stored: Any, kind: str) -> Any:
                     for b in range(n):
                         room[a, b] = m * (G[a, 0] * G[b, 0] + G[a, 1] * G[b, 1])
                 dofs = points.dofs[first:first + n].reshape((1, n))
-                scatter(stored(p, A), room, dofs, 0, places_in(p))
+                scatter(stored(p, A), room, dofs, 0, rows_in(p))
 
     return addressed(named(moving_mass, kind))
 

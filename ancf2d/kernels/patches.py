@@ -10,7 +10,7 @@ from .curves import add_skew, point_accept, point_forces, point_tangent
 from .facing import EVERY, IN_RANGE, IN_RANGE_OR_BESIDE, face
 from .lowlevel.arrays import array
 from .lowlevel.jit import addressed, inner, kernel, named, seldom
-from .matrices.symmetric import in_band, in_fronts, places_in
+from .matrices.symmetric import in_band, in_fronts, places_in, rows_in
 from .points import (
     does_not_act,
     evaluate_at,
@@ -154,10 +154,10 @@ def _skew(p, x, y):  # type: ignore[no-untyped-def]
 def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
     """Return the functions that add tangents of point laws and of joints to matrices of one kind."""
     def points(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
-        point_tangent(p.points, d, v, amps, c, Q, stored(p, A), places_in(p))
+        point_tangent(p.points, d, v, amps, c, Q, stored(p, A), rows_in(p))
 
     def sliding(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
-        sliding_tangent(p.sliding, d, v, amps, c, Q, stored(p, A), places_in(p))
+        sliding_tangent(p.sliding, d, v, amps, c, Q, stored(p, A), rows_in(p))
 
     return addressed(named(points, kind)), addressed(named(sliding, kind))
 

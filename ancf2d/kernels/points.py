@@ -279,6 +279,11 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
     row = vector(len(f))
     for i in range(len(points.forces)):
         m, n, fed = points.field[i + 1] - points.field[i], len(Q[i]), points.fed[i, 0]
+        if points.multiplier[i] < 0 and is_inactive(points, i):
+            energy[i], Q[i] = 0.0, 0.0
+            if len(K) > 0:
+                K[i], C[i] = 0.0, 0.0
+            continue
         fields_of_item(points, i, d, u)
         rates_of_item(points, i, v, w)
         held = u[fed]

@@ -98,10 +98,10 @@ def least_degree(n: int, sets: list[Index]) -> Index:
     return position
 
 
-def make_fronts(position: Index, sets: list[Index]) -> tuple[Fronts, Index]:
-    """Return the fronts of unknowns that are eliminated in the order ``position`` (n,), and their final positions.
+def make_fronts(position: Index, sets: list[Index]) -> Fronts:
+    """Return the fronts of unknowns that are eliminated in the order ``position`` (n,).
 
-    These differ from ``position`` only where the order does not matter: the pivots of a front are consecutive.
+    Their rows differ from ``position`` only where the order does not matter: the pivots of a front are consecutive.
     """
     n = len(position)
     order = np.argsort(position)
@@ -155,10 +155,10 @@ def _merged(sizes: list[int], reached: list[set[int]]) -> tuple[dict[int, list[i
 
 
 def _numbered(members: dict[int, list[int]], parent: dict[int, int], runs: list[Index], sizes: list[int],
-              reached: list[set[int]], position: Index) -> tuple[Fronts, Index]:
-    """Return the fronts, numbered so that children come right before their parents, and the final positions."""
+              reached: list[set[int]], position: Index) -> Fronts:
+    """Return the fronts, numbered so that children come right before their parents."""
     order = _children_first(parent)
-    final, first = np.empty(len(position), dtype=np.int64), [0]
+    final, unknown, first = np.empty(len(position), dtype=np.int64), np.empty(len(position), dtype=np.int64), [0]
     for j in order:
         unknowns = np.concatenate([runs[k] for k in sorted(members[j])])
         final[unknowns] = first[-1] + np.arange(len(unknowns))
@@ -173,9 +173,11 @@ def _numbered(members: dict[int, list[int]], parent: dict[int, int], runs: list[
         whole = np.append(np.arange(first[q], first[q + 1]), rows[q]) if q >= 0 else rows[k]
         into.append(np.searchsorted(whole, rows[k]))
     heights = np.diff(first) + np.diff(start)
+    unknown[final] = np.arange(len(final))
     return Fronts(np.array(first), start, np.concatenate(rows), np.concatenate(into),
                   np.concatenate([[0], np.cumsum(heights**2)]), np.array(above),
-                  np.repeat(np.arange(len(order)), np.diff(first)), int(heights.max())), final
+                  np.repeat(np.arange(len(order)), np.diff(first)), int(heights.max()), unknown, final,
+                  np.zeros(2, dtype=np.int64))
 
 
 def _children_first(parent: dict[int, int]) -> list[int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -15,6 +15,7 @@ from ..interactions.forces import Patch
 from ..kernels.matrices.layout import Places
 from .breakpoints import comparison_times
 from .constraints import Constraint, Row
+from .couplings import MARGIN, Couplings, after_coordinates, contact_of, coupled, padded, unknowns, with_multipliers
 from .fronts import Fronts, band_cost, fronts_cost, least_degree, make_fronts, meeting
 from .mesh import BodyMesh, Index
 
@@ -44,7 +45,11 @@ class Numbering:
     Full coordinates are the nodal coordinates (n_q) followed by one multiplier per nonlinear constraint. ``place``
     (n_full,): position of an unknown; -1 if held; -2 - k for dependent k, which depends on the unknowns
     ``index[indptr[k]:indptr[k+1]]`` with factors ``value``. ``free`` (n_unknowns,): the full coordinate at each
-    position. ``fronts``: the elimination order of the unknowns if it costs less than a band, else None.
+    position. ``acts_on``: the unknowns on which each constraint acts; ``fronts``: the elimination order of the unknowns
+    if it costs less than a band, else None.
+
+    In large models with contact between bodies, which elements couple changes; they have ``couplings`` and get their
+    fronts from ``near`` or ``complete``.
     """
 
     n_q: int
@@ -57,8 +62,10 @@ class Numbering:
     dependent: Index
     half_bandwidth: int
     largest_element: int
+    acts_on: list[Index]
     fronts: Fronts | None = None
     source: Source | None = None
+    couplings: Couplings | None = None
 
     @property
     def n_unknowns(self) -> int:
@@ -69,6 +76,35 @@ class Numbering:
     def places(self) -> Places:
         """The places of coordinates among the unknowns, in the form that kernels need."""
         return Places(self.place, self.indptr, self.index, self.value)
+
+    @cached_property
+    def rows(self) -> Places:
+        """The places of coordinates among the rows of a matrix, which fronts may have in another order."""
+        if self.fronts is None:
+            return self.places
+        row = self.fronts.row
+        return Places(np.where(self.place >= 0, row[self.place], self.place), self.indptr, row[self.index], self.value)
+
+    @property
+    def nested(self) -> bool:
+        """Return whether matrices are stored as fronts."""
+        return self.fronts is not None or self.couplings is not None
+
+    @cached_property
+    def complete(self) -> Numbering:
+        """The numbering with fronts in which all elements of bodies that may touch each other couple."""
+        return self if self.couplings is None else self.near(None, np.inf)
+
+    @cached_property
+    def in_reference(self) -> Numbering:
+        """The numbering with fronts in which elements that are near each other in the reference couple."""
+        return self if self.couplings is None else self.near(None)
+
+    def near(self, d: Array | None, margin: float = MARGIN, more: Iterable[Index] = ()) -> Numbering:
+        """Return the numbering with fronts in which elements near each other at d couple (``Couplings.fronts``)."""
+        assert self.couplings is not None
+        fronts, acts_on = self.couplings.fronts(d, margin, more)
+        return replace(self, fronts=fronts, acts_on=acts_on)
 
     @cached_property
     def where(self) -> slice | Index:
@@ -256,41 +292,19 @@ def order_unknowns(n: int, sets: list[Index], narrow: int) -> tuple[Index, int]:
     return (position, better) if better < width else (natural, width)
 
 
-def _meeting(dofs: Index, natural: Index, terms: dict[int, list[int]]) -> list[Index]:
-    """Return the sets of unknowns that couple in the rows of ``dofs`` (m, n), dependents expanded."""
-    rows = natural[dofs]
-    sets = [np.where(rows >= 0, rows, -1)]
-    expanded: dict[int, list[list[int]]] = {}
-    for m in np.flatnonzero((rows <= -2).any(axis=1)):
-        reached = _expand(dofs[m], natural, terms)
-        expanded.setdefault(len(reached), []).append(reached)
-    return [*sets, *(np.array(alike, dtype=np.int64) for count, alike in expanded.items() if count)]
+def _fixed_couplings(meshes: list[BodyMesh], constraints: list[Constraint], patches: list[Patch], between: bool
+                     ) -> tuple[list[tuple[Any, int] | None], list[Any], list[Index], list[Index]]:
+    """Return the contacts between bodies among constraints, their pairs, and the coordinates that always couple.
 
-
-def _expand(coords: Index, natural: Index, terms: dict[int, list[int]]) -> list[int]:
-    out: set[int] = set()
-    for c in coords.tolist():
-        if natural[c] >= 0:
-            out.add(int(natural[c]))
-        elif natural[c] <= -2:
-            out.update(terms[c])
-    return sorted(out)
-
-
-def _after_coordinates(position: Index, multipliers: list[list[int]], n: int) -> Index:
-    """Return the positions of unknowns and multipliers, each multiplier right after the last of its coordinates.
-
-    A positive definite matrix that is bordered by constraints then has no singular leading block, and LDL^T needs no
-    pivoting.
+    The last two are those of elements and patches, and those of each constraint. Unless ``between``, contact between
+    bodies couples all elements.
     """
-    keys = position.astype(float)
-    extra = []
-    for reached in multipliers:
-        extra.append(max((int(position[i]) for i in reached), default=n) + 0.5)
-    order = np.argsort(np.concatenate([keys, extra]), kind="stable")
-    final = np.empty(len(order), dtype=np.int64)
-    final[order] = np.arange(len(order))
-    return final
+    contacts = [contact_of(c) if between else None for c in constraints]
+    springs = [contact_of(p) if between else None for p in patches]
+    own = [*(m.dofs for m in meshes), *(p.dofs for p, one in zip(patches, springs, strict=True) if one is None)]
+    bound = [c.dofs if one is None else one[0].own_dofs(one[1]) for c, one in zip(constraints, contacts, strict=True)]
+    pairs = {id(one[0]): one[0] for one in (*contacts, *springs) if one is not None}
+    return contacts, list(pairs.values()), own, bound
 
 
 def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[Constraint], patches: list[Patch],
@@ -301,11 +315,14 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
     save more. The places of ``like`` are reused if its ``source`` is equal.
     """
     dependents = sorted(elimination.dependents)
+    between = nested and n_q - len(dependents) >= FEW
+    contacts, pairs, own, bound = _fixed_couplings(meshes, constraints, patches, between)
     follow = ((c, *elimination.dependents[c].terms) for c in dependents)
     source = Source([moving, nested, len(meshes), len(constraints), *follow],
-                    [*(m.dofs for m in meshes), *(p.dofs for p in patches), *(c.dofs for c in constraints)])
+                    [*own, *bound, *(pair.dofs for pair in pairs)])
     if like is not None and source == like.source:
-        return replace(like, source=source, value=as_columns(elimination, like.place)[2])
+        couplings = None if like.couplings is None else replace(like.couplings, pairs=pairs, contacts=contacts)
+        return replace(like, source=source, value=as_columns(elimination, like.place)[2], couplings=couplings)
     natural = np.zeros(n_q, dtype=np.int64)
     held = [c for c in dependents if not elimination.dependents[c].terms]
     natural[dependents] = -2
@@ -314,31 +331,32 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
     natural[free] = np.arange(len(free))
     terms = {c: [int(natural[k]) for k in elimination.dependents[c].terms] for c in dependents}
     # contact points on one curve have the same coordinates
-    touched = [*(m.dofs for m in meshes), *(np.unique(p.dofs, axis=0) for p in patches)]
-    sets = [s for dofs in touched for s in _meeting(dofs, natural, terms)]
-    multipliers = [_expand(c.dofs, natural, terms) for c in constraints]
-    sets += [np.array([reached], dtype=np.int64) for reached in multipliers if reached]
+    touched = [*own[:len(meshes)], *(np.unique(dofs, axis=0) for dofs in own[len(meshes):])]
+    sets = [s for dofs in touched for s in coupled(dofs, natural, terms)]
+    acts_on = padded([unknowns(dofs, natural, terms) for dofs in bound])
+    sets += [acts_on] if acts_on.size else []
     largest = max(m.plan.element.n_dof for m in meshes)
     position, _ = order_unknowns(len(free), sets, largest - 1)
-    final = _after_coordinates(position, multipliers, len(free)) if constraints else position
-    together = sets + [np.array([[*reached, len(free) + k]], dtype=np.int64) for k, reached in enumerate(multipliers)]
+    final = after_coordinates(position, acts_on) if constraints else position
+    together = with_multipliers(sets, acts_on, len(free))
     width, fronts = half_bandwidth(final, together), None
-    if nested and len(final) >= FEW and width > LOOSE * largest:
-        order = _after_coordinates(least_degree(len(free), sets), multipliers, len(free))
-        tree, positions = make_fronts(order, together)
+    if nested and not pairs and len(final) >= FEW and width > LOOSE * largest:
+        tree = make_fronts(after_coordinates(least_degree(len(free), sets), acts_on), together)
         if WORTH[moving] * fronts_cost(tree) < band_cost(len(final), width):
-            final, fronts, width = positions, tree, half_bandwidth(positions, together)
+            # the unknowns are numbered in the order of elimination
+            final, every = tree.row, np.arange(len(final))
+            fronts, width = tree._replace(row=every, unknown=every), half_bandwidth(final, together)
     place = np.full(n_q + len(constraints), -1, dtype=np.int64)
     place[free] = final[:len(free)]
     place[n_q:] = final[len(free):]
     everything = np.concatenate([free, n_q + np.arange(len(constraints))])
-    at = np.empty(len(everything), dtype=np.int64)
-    at[final] = everything
+    at = everything[np.argsort(final)]
     place[dependents] = -2 - np.arange(len(dependents))
     place[held] = -1
     indptr, index, value = as_columns(elimination, place)
+    couplings = Couplings(natural, terms, sets, acts_on, contacts, pairs, final) if pairs else None
     return Numbering(n_q, len(constraints), place, indptr, index, value, at, np.array(dependents, dtype=np.int64),
-                     width, largest, fronts, source)
+                     width, largest, [final[reached[reached >= 0]] for reached in acts_on], fronts, source, couplings)
 
 
 def straining_weights(mesh: BodyMesh, extent: float) -> Array:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..elements.contact_geometry import BODY, FRICTION, SHAPE
 from ..elements.point_laws import MAX_MEM, MAX_PAR, MAX_SIGNALS
 from ..elements.shape import Array
 from ..interactions.beam_curves import BeamCurves
@@ -18,7 +17,7 @@ from ..interactions.forces import Patch
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.compiled_laws import point_law_addresses, point_law_compilations
 from ..kernels.curves import point_accept
-from ..kernels.facing import EVERY, face
+from ..kernels.facing import EVERY, IN_RANGE_OR_BESIDE, face
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion.state import Turning
 from ..kernels.points import Assembly, Points, point_constraint_rates, point_matrices
@@ -30,7 +29,7 @@ from .rotation import Turns
 from .timing import Clocked, rates_of
 
 if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
+    pass
 
 # energy, forces (m, n), stiffness (m, n, n) and coordinates (m, n) of m items with n coordinates each
 Evaluated = tuple[float, Array, Array, Index]
@@ -104,11 +103,11 @@ def _spans(items: Sequence[Items]) -> Index:
     found = [np.zeros((0, 2), dtype=np.int64)]
     for p in items:
         count, m, n = p.G.shape
-        found.append(_span(np.swapaxes(p.G, 1, 2)).reshape(-1, 2) if p.stays else np.tile([0, m], (count * n, 1)))
+        found.append(span(np.swapaxes(p.G, 1, 2)).reshape(-1, 2) if p.stays else np.tile([0, m], (count * n, 1)))
     return np.concatenate(found)
 
 
-def _span(rows: Array) -> Index:
+def span(rows: Array) -> Index:
     """Return the range [first, end) of nonzero entries of each row (..., m), all entries if there is none."""
     used = rows != 0.0
     return np.stack([used.argmax(axis=-1), rows.shape[-1] - used[..., ::-1].argmax(axis=-1)], axis=-1)
@@ -119,42 +118,6 @@ def no_assembly() -> Assembly:
     none, index = np.zeros(0), np.zeros(0, dtype=np.int64)
     return Assembly(np.zeros((0, 3), dtype=np.int64), index, none, np.zeros((0, 2), dtype=np.int64), index, none,
                 np.zeros(0, dtype=bool), 0)
-
-
-def with_assembly(points: Points, T: csr_matrix, slots: Callable[[Index, Index], Index]) -> Points:
-    """Return a table with the couplings of curves, and of hard contact points with friction, to the unknowns z.
-
-    ``T`` : (n_full, n) with d = T z; ``slots(i, j)`` : places of entries (i, j), j <= i, in the matrix of the unknowns.
-    """
-    begin, unknown, rows, spans, slot = np.zeros((len(points.forces) + 1, 3), dtype=np.int64), [], [], [], []
-    following, rubs = 0, points.restitution >= 0.0
-    rubs &= points.par[:, FRICTION] > 0.0 if rubs.any() else False
-    for i in range(len(points.forces)):
-        begin[i + 1] = begin[i]
-        if i < following or (points.forces_of_run[i] == 0 and not rubs[i]):
-            continue
-        following, n = i + int(points.run[i]), int(points.dof[i + 1] - points.dof[i])
-        if rubs[i] and points.par[i, SHAPE] == BODY:
-            # the coordinates of the body that it touches change
-            begin[i + 1, 2] += n * (n + 1) // 2
-            continue
-        parts = [slice(*T.indptr[c:c + 2]) for c in points.dofs[points.dof[i]:points.dof[i + 1]]]
-        used, to = np.unique(np.concatenate([T.indices[p] for p in parts]), return_inverse=True)
-        own = np.zeros((len(used), len(parts)))
-        own[to, np.repeat(np.arange(len(parts)), [p.stop - p.start for p in parts])] = np.concatenate(
-            [T.data[p] for p in parts])
-        W = own @ points.G[points.entry[i]:points.entry[i + 1]].reshape(len(parts), -1)
-        high, low = np.tril_indices(len(used))
-        unknown.append(used)
-        rows.append(W.ravel())
-        spans.append(_span(W))
-        slot.append(slots(np.maximum(used[low], used[high]), np.minimum(used[low], used[high])))
-        begin[i + 1] += [len(used), W.size, len(low)]
-    index = np.zeros(0, dtype=np.int64)
-    return points._replace(assembly=Assembly(
-        begin, np.concatenate([index, *unknown]), np.concatenate([np.zeros(0), *rows]),
-        np.concatenate([index.reshape(0, 2), *spans]), np.concatenate([index, *slot]), np.zeros(int(begin[-1, 2])),
-        np.zeros(len(points.forces), dtype=bool), max((len(u) for u in unknown), default=0)))
 
 
 def turning_table(turns: Turns) -> Turning:
@@ -171,6 +134,7 @@ class Batch:
     def __init__(self, patches: Sequence[HasItems]) -> None:
         self.signals: list[Any] = []
         self.patches = patches
+        self.constrains = any(patch.items().multiplier >= 0 for patch in patches)
         self.by_rate = any(getattr(patch, "by_rate", False) for patch in patches)
         self.table = Record(point_table(patches, self.signals))
         self.facing, self.curves = Record(facing_table(patches)), BeamCurves(patches)
@@ -195,11 +159,19 @@ class Batch:
         return np.array([(s(t), *(rates_of(s, t) if rates or isinstance(s, Clocked) else (0.0, 0.0)))
                          for s in self.signals]).reshape(-1, 3)
 
-    def turn_to(self, d: Array) -> None:
-        """Update the curves of contact points, and the elements opposite to them, to d (n_full,)."""
+    def turn_to(self, d: Array, within: float = np.inf) -> None:
+        """Update the curves of contact points, and the elements opposite to them, to d (n_full,).
+
+        Points that face nothing ``within`` this distance (``kernels.facing.face``) become inactive.
+        """
         self.curves.write(self.table, d, False)
         if len(self.facing.item):
-            face(self.facing, self.table, d, np.inf, EVERY)
+            face(self.facing, self.table, d, within, EVERY)
+
+    @property
+    def active(self) -> Index | slice:
+        """The items that may have forces at the state evaluated last."""
+        return np.flatnonzero(self.table.apart < np.inf) if len(self.facing.item) else slice(None)
 
     def accept(self, d: Array, t: float) -> None:
         """Update the history variables of the laws with the accepted state d (n_full,) at t."""
@@ -225,7 +197,8 @@ class Batch:
         """Fill the energies and the arrays that ``matrices`` returns; empty K and C are left out."""
         for k, active in self.timed:
             self.table.on[k] = active.at(t)
-        self.turn_to(d)
+        # the equations of inactive multipliers have another sign, which would change the inertia of tangents
+        self.turn_to(d, np.inf if self.constrains else IN_RANGE_OR_BESIDE)
         point_matrices(self.table, d, v, self.amplitudes(t, self.by_rate), linear, self._energy, Q, K, C)
 
     def energies(self, d: Array, t: float) -> tuple[float, float]:
@@ -310,7 +283,11 @@ class Interactions:
         ComputationError if a point has left the body on which it slides.
         """
         e = self.e0 + d[:len(self.e0)]
-        for batch in [*self.springs, *self.flows, *([] if elastic else self.loads)]:
+        for batch in self.springs:
+            energy, Q, K = batch.evaluate(e, d, t)
+            some = batch.active
+            yield energy, Q[some], K[some], batch.dofs[some]
+        for batch in [*self.flows, *([] if elastic else self.loads)]:
             yield (*batch.evaluate(e, d, t), batch.dofs)
         yield from self.constraints(d, t, linear)
 

@@ -16,9 +16,9 @@ from ..elements.contact_geometry import CIRCLE, HALF_INTERVAL, HOME, OPPOSITE, P
 from ..elements.shape import Array, gauss
 from ..interactions.contact_curves import ALONG, Spot, levels_of
 from ..model.model import Model
+from .least_motion import least_size
 from .long_vectors import largest
 from .state import State
-from .system import least_size
 
 if TYPE_CHECKING:
     from ..model.contact_tables import ContactTable

@@ -96,7 +96,8 @@ class BodyLayer:
             for coords, Q, _, K in tables:
                 bears = np.flatnonzero(Q.any(axis=1))
                 np.add.at(excess, coords[bears], sign * Q[bears])
-                scatter_patches(system.matrix.target, sign * K[bears], coords[bears], 0, len(bears), num.places)
+                scatter_patches(system.matrix.target, sign * K[bears], coords[bears], 0, len(bears),
+                                system.matrix.places)
         try:
             system.factor({"factor": state.t})
         except SingularTangentError:

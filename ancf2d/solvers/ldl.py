@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..elements.shape import Array
 from ..kernels.matrices.band import ldl_factor, ldl_solve
 from ..kernels.matrices.fronts import fronts_factor, fronts_product, fronts_solve
-from ..kernels.matrices.layout import Fronts, entries
+from ..kernels.matrices.layout import Fronts, entries, stored_entries
 from ..kernels.matrices.matrix import Nested, SymBand, band_product
 from ..model.mesh import Index
 
@@ -109,6 +109,7 @@ class Symmetric(ABC):
 
     values: Array
     target: Any
+    places: Any
 
     def __init__(self, n: int, multipliers: Multipliers | None) -> None:
         self.scale, self.multipliers = np.zeros(n), multipliers
@@ -119,7 +120,7 @@ class Symmetric(ABC):
 
     @abstractmethod
     def at(self, i: Index, j: Index) -> Index:
-        """Return the places of entries (i, j), j <= i, among the values."""
+        """Return the places of entries (i, j), j <= i, among the values; the matrix must have them."""
 
     @abstractmethod
     def diagonal(self, values: Array) -> Array:
@@ -252,13 +253,31 @@ class SymmetricBand(Symmetric):
 
 
 class SymmetricFronts(Symmetric):
-    """Fronts of a branched frame."""
+    """Fronts of a branched frame, or of bodies that touch each other (``changes``)."""
 
-    def __init__(self, fronts: Fronts, multipliers: Multipliers | None = None) -> None:
-        self.fronts = fronts
+    def __init__(self, fronts: Fronts, multipliers: Multipliers | None = None, changes: bool = False) -> None:
+        # each matrix tells by itself what it has missed
+        self.fronts = fronts._replace(missed=np.zeros(2, dtype=np.int64))
         self.values = np.zeros(int(fronts.at[-1]))
-        self.target = Nested(self.values, fronts)
+        self.target = Nested(self.values, self.fronts)
         super().__init__(len(fronts.owner), multipliers)
+        # entries that only fill-in has, between multipliers and unknowns on which they do not act
+        self.unused = self._unused(multipliers) if changes and multipliers is not None else np.zeros(0, dtype=np.int64)
+
+    def _unused(self, m: Multipliers) -> Index:
+        n, number = len(m.weights), np.full(len(m.weights), -1)
+        number[m.multiplier] = np.arange(len(m.multiplier))
+        i, j = stored_entries(self.fronts, ~m.moved)
+        multiplier, other = np.maximum(number[i], number[j]), np.where(number[i] < 0, i, j)
+        return self.at(i, j)[~np.isin(multiplier * n + other, m.owner * n + m.index)]
+
+    @property
+    def missed(self) -> bool:
+        """Return whether a number was assembled to an entry that the matrix lacks, or that a multiplier does not use.
+
+        The factorisation takes into account only the unknowns on which each multiplier is known to act.
+        """
+        return bool(self.fronts.missed[0]) or bool(self.values[self.unused].any())
 
     def at(self, i: Index, j: Index) -> Index:
         """Return the places of entries (i, j), j <= i, among the values."""

@@ -9,8 +9,7 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..interactions.inertia import mass_block, mass_terms
-from ..kernels.lowlevel.records import Record
-from ..kernels.matrices.layout import Fronts, entries
+from ..kernels.matrices.layout import Places, stored_entries
 from ..kernels.matrices.matrix import Band, Csr, scatter_classes
 from ..model.classes import mass_matrix
 from ..model.fronts import make_fronts, meeting
@@ -31,9 +30,10 @@ PIVOT = 0.1
 
 
 class TangentMatrix(Protocol):
-    """A matrix that kernels assemble, and that can be factored and solved."""
+    """A matrix that kernels assemble, with the ``places`` of coordinates, and that can be factored and solved."""
 
     target: Any
+    places: Places
     values: Array
 
     def clear(self) -> None:
@@ -68,6 +68,8 @@ class TangentMatrix(Protocol):
 
 class GeneralBand:
     """Unsymmetric band (follower forces), by LAPACK's LU with row exchanges."""
+
+    places: Places
 
     def __init__(self, n: int, bw: int) -> None:
         self.bw = bw
@@ -121,6 +123,8 @@ class GeneralBand:
 class GeneralSparse:
     """Compressed rows with SuperLU, for wide unsymmetric bands; rows are exchanged with ``exchange`` or if needed."""
 
+    places: Places
+
     def __init__(self, n: int, rows: Array, columns: Array, exchange: bool = False) -> None:
         from scipy.sparse import coo_matrix
 
@@ -148,6 +152,8 @@ class GeneralSparse:
         from scipy.sparse.linalg import splu
 
         K = self._matrix().tocsc()
+        # of all bodies that may touch each other, only few elements do
+        K.eliminate_zeros()
         scale = np.abs(K.diagonal())
         # an ordering for K + K^T gives much fill-in if rows are exchanged
         order, threshold = ("COLAMD", PIVOT) if self.exchange else ("MMD_AT_PLUS_A", 0.0)
@@ -193,13 +199,17 @@ def matrix_of_one(kind: type) -> TangentMatrix:
     if kind is GeneralSparse:
         return GeneralSparse(1, np.zeros(1), np.zeros(1))
     if kind is SymmetricFronts:
-        return SymmetricFronts(make_fronts(np.zeros(1, dtype=np.int64), [np.zeros((1, 1), dtype=np.int64)])[0])
+        return SymmetricFronts(make_fronts(np.zeros(1, dtype=np.int64), [np.zeros((1, 1), dtype=np.int64)]))
     return SymmetricBand(1, 0) if kind is SymmetricBand else GeneralBand(1, 0)
 
 
 def pattern(model: Model) -> tuple[Array, Array]:
     """Return the row and column of every entry to which an element or patch can contribute."""
     num = model.numbering
+    fronts = num.complete.fronts
+    if num.couplings is not None and fronts is not None:
+        low, high = stored_entries(fronts)
+        return np.append(low, high), np.append(high, low)
     sets = [m.dofs for m in model.meshes.values()] + [p.dofs for p in model.patches]
     sets += [np.append(c.dofs, num.n_q + k)[None, :] for k, c in enumerate(model.constraints)]
     meets = []
@@ -218,29 +228,38 @@ def _terms(num: Numbering, i: int) -> Index:
     return num.index[num.indptr[-2 - i]:num.indptr[-1 - i]]
 
 
-def _multipliers(model: Model) -> Multipliers | None:
+def _multipliers(model: Model, num: Numbering) -> Multipliers | None:
     """Return the multipliers of a model in its matrix, or None if it has none."""
     if not model.constraints:
         return None
-    num = model.numbering
-    reached = [np.unique(np.concatenate([_terms(num, int(i)) for i in num.place[c.dofs]])) for c in model.constraints]
     weights: Array = np.zeros(num.n_unknowns)
     coordinates = num.free < num.n_q
     weights[coordinates] = model.weights[num.free[coordinates]]
     # all dead loads at the last load factor or time
     dead = model.external(getattr(model.case.solver, "t_end", 1.0))[:model.n_q]
-    return Multipliers(num.place[num.n_q:], np.concatenate(reached),
-                       np.repeat(np.arange(len(reached)), [len(r) for r in reached]), weights, bool(model.contacts),
-                       float(np.abs(dead / model.weights).sum()) / model.extent)
+    return Multipliers(num.place[num.n_q:], np.concatenate(num.acts_on),
+                       np.repeat(np.arange(len(num.acts_on)), [len(r) for r in num.acts_on]), weights,
+                       bool(model.contacts), float(np.abs(dead / model.weights).sum()) / model.extent)
 
 
-def make_matrix(model: Model) -> TangentMatrix:
-    """Return an empty tangent matrix of the kind that suits the model's bandwidth and symmetry."""
-    num = model.numbering
+def make_matrix(model: Model, num: Numbering | None = None) -> TangentMatrix:
+    """Return an empty tangent matrix of the kind that suits the model's bandwidth and symmetry.
+
+    ``num`` is the numbering of the model, by default for all elements of bodies that may touch each other.
+    """
+    num = model.numbering.complete if num is None else num
+    matrix = _empty_matrix(model, num)
+    matrix.places = num.rows
+    return matrix
+
+
+def _empty_matrix(model: Model, num: Numbering) -> TangentMatrix:
     n, bw = num.n_unknowns, min(num.half_bandwidth, max(num.n_unknowns - 1, 0))
     if model.symmetric or n == 0:  # LAPACK takes no empty band
-        multipliers = _multipliers(model)
-        return SymmetricBand(n, bw, multipliers) if num.fronts is None else SymmetricFronts(num.fronts, multipliers)
+        multipliers = _multipliers(model, num)
+        if num.fronts is not None:
+            return SymmetricFronts(num.fronts, multipliers, num.couplings is not None)
+        return SymmetricBand(n, bw, multipliers)
     if bw <= max(WIDE_BAND * num.largest_element, 60) or n <= 200:
         return GeneralBand(n, bw)
     return GeneralSparse(n, *pattern(model), exchange=bool(model.constraints))
@@ -258,7 +277,7 @@ def assemble_mass(model: Model, matrix: TangentMatrix, e: Array | None = None) -
     With ``e`` (n_q,) it is that of small motions about these coordinates. As shape functions are scalar, an element's M
     is the same in every frame, so each class has one.
     """
-    places = model.numbering.places
+    places = matrix.places
     matrix.clear()
     for mesh in model.meshes.values():
         Ms = np.array([c.mass for c in mesh.classes])
@@ -355,42 +374,3 @@ def inertia_rates(model: Model, state: State) -> Array | None:
     if damping is None or state.v is None:
         return a
     return a + damping.rayleigh.alpha * state.v[:model.n_q]
-
-
-def dense(A: Array, p: Record) -> Array:
-    """Return a dense matrix from one stored as in ``kernels.matrices.symmetric``, including the terms of feedback."""
-    n, rank, states = len(p.coordinate), p.rank, p.feedback.states
-    tail = 0
-    if rank:
-        from ..kernels.motion.feedback import tail_size  # loads the kernels of motion, which statics does not need
-
-        tail = tail_size(n, rank, states)
-    base, out = A[:len(A) - tail], np.zeros((n, n))
-    out[:p.inner, :p.inner] = _of_band(base.reshape(-1, p.width)) if p.width else _of_fronts(base, p.fronts)
-    if rank:
-        P, R = A[len(base):len(base) + 2 * rank * n].reshape(2, rank, n)
-        out += P.T @ R
-        inner = np.arange(p.inner, n)
-        out[inner, inner] += A[len(base) + 2 * rank * n:][:states]
-    return out
-
-
-def _of_fronts(A: Array, fronts: Fronts) -> Array:
-    n = len(fronts.owner)
-    out = np.zeros((n, n))
-    for q in range(len(fronts.parent)):
-        own = np.arange(fronts.first[q], fronts.first[q + 1])
-        rows = np.append(own, fronts.rows[fronts.start[q]:fronts.start[q + 1]])
-        i, j = (x.ravel() for x in np.meshgrid(rows, own, indexing="ij"))
-        i, j = i[i >= j], j[i >= j]
-        out[i, j] = out[j, i] = A[entries(fronts, i, j)]
-    return out
-
-
-def _of_band(band: Array) -> Array:
-    n, w = band.shape
-    out = np.zeros((n, n))
-    for k in range(w):
-        i = np.arange(k, n)
-        out[i, i - k] = out[i - k, i] = band[k:, w - 1 - k]
-    return out

@@ -21,7 +21,8 @@ class MotionAtTimes(Stepper):
     """A motion evaluated at given times, without time steps, from displacements and rates."""
 
     def __init__(self, model: Model, spec: Dynamic) -> None:
-        super().__init__(model, *make_problem(model), spec, 0.0, np.zeros(0))
+        start = make_problem(model, model.numbering.in_reference)
+        super().__init__(model, *start, spec, 0.0, np.zeros(0), follows=True)
 
     def at(self, t: float, d: Array, v: Array, turned: Array) -> State:
         """Return the state for displacements d and rates v (n_full,), with consistent accelerations and multipliers.

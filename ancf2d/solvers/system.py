@@ -13,47 +13,23 @@ from ..elements.shape import Array
 from ..errors import SingularTangentError
 from ..kernels.elements import commit, force, force_noise, force_tangent, natural_slope, tangent_action
 from ..kernels.matrices.matrix import scatter_patches
+from ..model.couplings import MARGIN
 from ..model.determinacy import own_motion
 from ..model.groups import with_trials
 from ..model.mesh import Index
 from ..model.model import Model
 from .divided_groups import DividedGroups
-from .ldl import Pivots, Symmetric
+from .ldl import Pivots, Symmetric, SymmetricFronts
+from .least_motion import UNIT_ROUNDOFF, sticks
 from .linear import make_matrix
 from .long_vectors import chunks, largest, largest_share
 
-UNIT_ROUNDOFF = 2.0**-53
-# displacements, relative to the extent of a model, that are round-off of the positions
-STILL = 32 * UNIT_ROUNDOFF
-# the same where stiff springs hold sticking contact points without a law
-STUCK = 1e-8
-# least displacement, relative to the extent, to which errors of a motion are relative, as at its start
-LEAST = 1e-9
 # factor for round-off of forces that has the same sign everywhere
 ROUNDED = 10.0
 # relative pivots above this are not round-off
 SUSPECT = 1e-10
 # work through the strains, relative to that of the forces, below which a motion strains nothing
 HIDDEN = 1e-8
-
-
-def sticks(model: Model) -> bool:
-    """Return whether springs hold sticking contact points, as in friction without a law."""
-    return any(pair.hard and pair.item.friction for pair in model.contacts)
-
-
-def least_motion(model: Model) -> float:
-    """Return the displacement [length] below which nothing counts as moved."""
-    return (STUCK if sticks(model) else STILL) * model.extent
-
-
-def least_size(model: Model, tolerance: float) -> float:
-    """Return the least displacement [length] to which local errors of a motion are relative.
-
-    Adaptive steps do not resolve the springs of sticking points; with fixed steps ``tolerance`` is 0.
-    """
-    vibrates = least_motion(model) / tolerance if tolerance > 0.0 and sticks(model) else 0.0
-    return max(LEAST * model.extent, vibrates)
 
 
 @dataclass
@@ -74,11 +50,13 @@ Turned = tuple[Array, Array]
 class System:
     """A model with its tangent matrix; one object per solve."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, fixed: bool = False) -> None:
+        """``fixed``: the entries of the matrix never change, even if bodies come near each other."""
         self.model, self.groups = model, with_trials(model.groups)
         self.divided = DividedGroups(self.groups, model.numbering)
-        self.matrix = make_matrix(model)
         n = model.numbering
+        follows = n.couplings is not None and not fixed and model.symmetric
+        self.matrix = make_matrix(model, n.in_reference if follows else n.complete)
         self.weights = n.of_unknowns(model.weights)
         self.evaluations = 0
         # additional forces (n_unknowns,) that balance a state
@@ -137,9 +115,30 @@ class System:
         """
         self.evaluations += 1
         self._tried = None
+        balance, margin = self._assemble(d, t, load_stiffness, out), MARGIN
+        while self.missed:
+            self.follow(d, t, margin)
+            balance, margin = self._assemble(d, t, load_stiffness, out), 2.0 * margin
+        return balance
+
+    @property
+    def missed(self) -> bool:
+        """Return whether the matrix lacks entries that were assembled: bodies touch where they were not near."""
+        return isinstance(self.matrix, SymmetricFronts) and self.matrix.missed
+
+    def follow(self, d: Array, t: float, margin: float = MARGIN) -> None:
+        """Replace the matrix by an empty one with the entries for all elements near each other at d (n_full,)."""
+        self.matrix = make_matrix(self.model, self.model.numbering.near(d, margin, self._coupled_rows(d, t)))
+
+    def _coupled_rows(self, d: Array, t: float) -> Iterator[Index]:
+        """Yield the coordinates (m, n) of patches that have a stiffness between different coordinates."""
+        for _, _, K, dofs in self.patches(d, t):
+            yield dofs[(np.count_nonzero(K, axis=(1, 2)) > np.count_nonzero(np.einsum("mii->mi", K), axis=1))]
+
+    def _assemble(self, d: Array, t: float, load_stiffness: bool, out: Balance | None) -> Balance:
         self.matrix.clear()
         Q, R = self._no_forces(out)
-        places = self.model.numbering.places
+        places = self.matrix.places
         self.model.set_natural(t if load_stiffness else None)
         energy = self.divided.total(lambda g: force_tangent(g, d, 1.0, Q, self.matrix.target, places))
         for u, q, K, dofs in self.patches(d, t, not load_stiffness, not load_stiffness):

@@ -45,7 +45,7 @@ def smallest_scale(goal: Goal, summary: dict[str, Any], model: Model, d: Any) ->
     All probes and reactions count; for displacements also all nodal coordinates d (n_q,) and the least motion that is
     not round-off, for positions the extent of the model.
     """
-    from ..solvers.system import least_motion
+    from ..solvers.least_motion import least_motion
 
     kind = goal_kind(goal)
     if kind == "phase":

@@ -208,7 +208,7 @@ def _touch(model: Model, new: bool) -> None:
     """Call the kernels of a static or modal solve on empty work; if ``new``, first compile them on all processors."""
     from ..solvers.linear import make_matrix
 
-    matrix = make_matrix(model)
+    matrix = make_matrix(model, model.numbering.in_reference)
     touched: list[Callable[[], object]] = [*_drivers(model, matrix), partial(_touch_matrix, type(matrix))]
     if new:
         from ..model.point_tables import interaction_compilations

@@ -84,6 +84,25 @@ def test_normals_of_a_curve_differ_from_that_of_its_chord_by_less_than_assumed(s
         assert 2.0 * off >= size or (differs <= 3.0 * off / size).all()
 
 
+def test_the_bounds_of_a_box_hold_for_all_curves_in_it(scene) -> None:
+    """Their points, normals, and distances along the normal of the box."""
+    table = scene.table
+    for arm, root in enumerate(table.tree[:-1]):
+        first, n = table.first[arm], table.first[arm + 1] - table.first[arm]
+        for c in range(n):
+            samples, k = scene.samples(first + c), n - 1 + c
+            normals = table.curve[first + c, gaps.SIGN] * samples[:, [3, 2]] * [-1.0, 1.0]
+            normals /= np.hypot(*normals.T)[:, None]
+            while True:
+                low, high, normal, off, least = np.split(table.boxes[root + k], [2, 4, 6, 7])
+                assert ((samples[:, :2] >= low) & (samples[:, :2] <= high)).all()
+                assert (np.hypot(*(normals - normal).T) <= off + 1e-12).all()
+                assert (samples[:, :2] @ normal >= least - 1e-12).all()
+                if k == 0:
+                    break
+                k = (k - 1) // 2
+
+
 def test_a_search_among_all_curves_finds_the_nearest_of_the_single_searches(scene) -> None:
     """Also within the range of forces, beyond which points are opposite to nothing."""
     points, table = scene.points, scene.table
@@ -96,7 +115,7 @@ def test_a_search_among_all_curves_finds_the_nearest_of_the_single_searches(scen
             item=table.item[mine], way=np.zeros(mine.sum(), dtype=np.int64), own=table.own[mine],
             arms=one, first=one, tree=one,
             curve=table.curve[c:c + 1], sizes=table.sizes[c:c + 1], at=table.at[c:c + 1],
-            chords=np.zeros((1, 5)), boxes=np.zeros((1, 4))))))
+            chords=np.zeros((1, 5)), boxes=np.zeros((1, 8))))))
     np.testing.assert_array_equal(among_all, alone)
     assert np.isfinite(alone).sum() > 30
     face(table, points, scene.d, IN_RANGE, EVERY)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from ancf2d.kernels.matrices import symmetric
 from ancf2d.kernels.matrices.fronts import fronts_factor, fronts_product, fronts_solve
-from ancf2d.kernels.matrices.layout import entries
+from ancf2d.kernels.matrices.layout import entries, stored_entries
 from ancf2d.kernels.matrices.matrix import Nested
 from ancf2d.model.fronts import band_cost, fronts_cost, least_degree, make_fronts
 
@@ -35,23 +35,19 @@ def frame(rng, members: int, length: int, size: int, loops: int) -> tuple[int, l
 
 
 def filled(rng, n: int, sets, definite: bool, kind=float):
-    """Return fronts with random elements, their matrix (n, n) and the order of its unknowns."""
-    fronts, position = make_fronts(least_degree(n, sets), sets)
+    """Return fronts with random elements, and their matrix (n, n)."""
+    fronts = make_fronts(least_degree(n, sets), sets)
     target = Nested(np.zeros(fronts.at[-1], dtype=kind), fronts)
     A = np.zeros((n, n), dtype=kind)
     for dofs in sets[0]:
-        at, B = position[dofs], rng.normal(size=(len(dofs), len(dofs)))
+        B = rng.normal(size=(len(dofs), len(dofs)))
         Ke = B @ B.T if definite else B + B.T
         if kind is complex:
             Ke = Ke + 1j * (B + B.T)
-        A[np.ix_(at, at)] += Ke + (4.0 if definite else 0.0) * np.eye(len(dofs))
-    for q in range(len(fronts.parent)):
-        own = np.arange(fronts.first[q], fronts.first[q + 1])
-        front = np.append(own, fronts.rows[fronts.start[q]:fronts.start[q + 1]])
-        for i in range(len(front)):
-            for j in range(min(i + 1, len(own))):
-                target.values[fronts.at[q] + (i + 1) * (len(front) - 1) + j] = A[front[i], own[j]]
-    return fronts, target, A, position
+        A[np.ix_(dofs, dofs)] += Ke + (4.0 if definite else 0.0) * np.eye(len(dofs))
+    i, j = stored_entries(fronts)
+    target.values[entries(fronts, i, j)] = A[i, j]
+    return fronts, target, A
 
 
 FRAMES = {"members": st.integers(1, 8), "length": st.integers(1, 9), "size": st.integers(1, 7),
@@ -63,7 +59,7 @@ FRAMES = {"members": st.integers(1, 8), "length": st.integers(1, 9), "size": st.
 def test_fronts_solve_and_count_negative_eigenvalues(members, length, size, loops, seed, definite):
     rng = np.random.default_rng(seed)
     n, sets = frame(rng, members, length, size, loops)
-    fronts, target, A, _ = filled(rng, n, sets, definite)
+    fronts, target, A = filled(rng, n, sets, definite)
     # fronts hold every entry
     np.testing.assert_array_equal(dense(target, n), A)
     b, y = rng.normal(size=n), np.empty(n)
@@ -86,7 +82,7 @@ def test_fronts_solve_and_count_negative_eigenvalues(members, length, size, loop
 def test_fronts_of_complex_symmetric_matrices_solve(members, length, size, loops, seed):
     rng = np.random.default_rng(seed)
     n, sets = frame(rng, members, length, size, loops)
-    fronts, target, A, _ = filled(rng, n, sets, True, complex)
+    fronts, target, A = filled(rng, n, sets, True, complex)
     b = rng.normal(size=n) + 1j * rng.normal(size=n)
     assert fronts_factor(fronts, target.values, 1e-14, np.zeros(n))[0] == -1
     x = b.copy()
@@ -98,16 +94,10 @@ def test_fronts_of_complex_symmetric_matrices_solve(members, length, size, loops
 def test_an_unknown_without_stiffness_is_named(seed):
     rng = np.random.default_rng(seed)
     n, sets = frame(rng, 5, 6, 3, 2)
-    fronts, target, _, _ = filled(rng, n, sets, True)
+    fronts, target, _ = filled(rng, n, sets, True)
     free = int(rng.integers(n))
-    keep = np.ones((n, n))
-    keep[free] = keep[:, free] = 0.0
-    for q in range(len(fronts.parent)):
-        own = np.arange(fronts.first[q], fronts.first[q + 1])
-        front = np.append(own, fronts.rows[fronts.start[q]:fronts.start[q + 1]])
-        for i in range(len(front)):
-            for j in range(min(i + 1, len(own))):
-                target.values[fronts.at[q] + (i + 1) * (len(front) - 1) + j] *= keep[front[i], own[j]]
+    i, j = stored_entries(fronts)
+    target.values[entries(fronts, i, j)[(i == free) | (j == free)]] = 0.0
     assert fronts_factor(fronts, target.values, 1e-14, np.zeros(n))[0] == free
 
 
@@ -115,8 +105,8 @@ def test_an_unknown_without_stiffness_is_named(seed):
 @given(**FRAMES)
 def test_positions_are_an_elimination_order_with_children_before_parents(members, length, size, loops, seed):
     n, sets = frame(np.random.default_rng(seed), members, length, size, loops)
-    fronts, position = make_fronts(least_degree(n, sets), sets)
-    assert sorted(position) == list(range(n))
+    fronts = make_fronts(least_degree(n, sets), sets)
+    np.testing.assert_array_equal(fronts.unknown[fronts.row], np.arange(n))
     for q, p in enumerate(fronts.parent):
         rows = fronts.rows[fronts.start[q]:fronts.start[q + 1]]
         assert (rows >= fronts.first[q + 1]).all()
@@ -133,7 +123,7 @@ def test_fronts_of_a_tree_grow_linearly():
     sizes = {}
     for members in (20, 40, 80):
         n, sets = frame(np.random.default_rng(7), members, 20, 3, 0)
-        fronts, _ = make_fronts(least_degree(n, sets), sets)
+        fronts = make_fronts(least_degree(n, sets), sets)
         assert np.diff(fronts.start).max() <= 9
         sizes[members] = fronts.at[-1] / n, fronts_cost(fronts) / n
     for grown in zip(*sizes.values(), strict=True):
@@ -148,7 +138,7 @@ def test_fronts_of_lattices_cost_less_than_bands():
         pairs = np.concatenate([np.stack([node[:, :-1].ravel(), node[:, 1:].ravel()], axis=1),
                                 np.stack([node[:-1].ravel(), node[1:].ravel()], axis=1)])
         sets = [(3 * pairs[:, :, None] + np.arange(3)).reshape(-1, 6)]
-        fronts, _ = make_fronts(least_degree(3 * k * k, sets), sets)
+        fronts = make_fronts(least_degree(3 * k * k, sets), sets)
         costs.append((fronts_cost(fronts), band_cost(3 * k * k, 3 * k + 2)))
     (a, _), (b, _), (c, band) = costs
     assert b / a < 2.0**3.3
@@ -159,7 +149,7 @@ def test_fronts_of_lattices_cost_less_than_bands():
 @pytest.mark.parametrize("seed", range(3))
 def test_entries_between_unknowns_of_two_kinds_are_kept_and_the_diagonal_of_the_first(seed, monkeypatch):
     rng = np.random.default_rng(seed)
-    fronts, target, A, _ = filled(rng, *frame(rng, 3, 4, 3, 1), True)
+    fronts, target, A = filled(rng, *frame(rng, 3, 4, 3, 1), True)
     n, low = len(A), np.nonzero(np.tril(A))
     kind = rng.integers(0, 3, n).astype(float)
     kept = np.where((kind[:, None] != kind) | (np.eye(n, dtype=bool) & (kind == 0.0)), A, 0.0)

@@ -115,7 +115,7 @@ def target(kind: str, n: int):
         start = np.cumsum([0] + [len(r) for r in rows])
         into, at = np.concatenate([np.arange(len(r)) for r in rows]), np.cumsum([0] + [(n - k) ** 2 for k in range(n)])
         fronts = Fronts(np.arange(n + 1), start, np.concatenate(rows), into, at, np.append(np.arange(1, n), -1),
-                        np.arange(n), n)
+                        np.arange(n), n, np.arange(n), np.arange(n), np.zeros(2, dtype=np.int64))
         return Nested(np.zeros(at[-1]), fronts)
     if kind == "general band":
         return Band(np.zeros((n, 3 * (n - 1) + 1)))

@@ -20,8 +20,9 @@ from ancf2d.kernels.lowlevel.jit import kernel
 from ancf2d.kernels.lowlevel.records import Record
 from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import SymBand
-from ancf2d.model.point_tables import point_table, with_assembly
+from ancf2d.model.point_tables import point_table
 from ancf2d.model.rotation import CoordinateKinds
+from ancf2d.solvers.motion.tables import with_assembly
 
 
 @kernel

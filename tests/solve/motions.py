@@ -51,11 +51,11 @@ class Ride:
         more = {k: v for k, v in scene.items() if k != "bodies"}
         self.model = h.build(bodies, {"type": "dynamic", "t_end": t_end, **solver}, **more)
         wanted = t_end * np.arange(1, states + 1) / states
-        problem, signals = make_problem(self.model)
-        spec = self.model.case.solver
+        spec, num = self.model.case.solver, self.model.numbering
         kind = OdeStepper if spec.method in SCIPY_METHODS else Stepper
+        problem, signals = make_problem(self.model, num.in_reference if kind is Stepper else num.complete)
         self.stepper = kind(self.model, problem, signals, spec, solver.get("dt", 0.0),
-                            np.zeros(0) if every else wanted[:-1], every)
+                            np.zeros(0) if every else wanted[:-1], every, follows=kind is Stepper)
         if tight:
             stepper = self.stepper
             stepper.m = Method(stepper.method.name, self.model.case.solver, stepper.p, tight,

@@ -16,7 +16,7 @@ import ancf2d
 from ancf2d.errors import CaseError, ComputationError
 from ancf2d.kernels.motion.feedback import tail_size
 from ancf2d.kernels.motion.ode import tangents
-from ancf2d.solvers.linear import dense
+from ancf2d.solvers.motion.dense import dense
 from ancf2d.solvers.motion.problem import make_problem
 
 J, KP, KD, KI, LIMIT, FILTER = 0.2 + 1.5 / 4, 20.0, 1.0, 30.0, 8.0, 0.01

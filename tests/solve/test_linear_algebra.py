@@ -69,6 +69,14 @@ def stepped():
 
 
 SCENES = {f.__name__: f for f in (chain, loop, star, stepped)}
+
+def of_kind(kind: str, model, bw: int):
+    """Return an empty matrix of a kind for a model."""
+    matrix = KINDS[kind](model, model.numbering.n_unknowns, bw)
+    matrix.places = model.numbering.rows
+    return matrix
+
+
 KINDS = {
     "symmetric band": lambda m, n, bw: SymmetricBand(n, bw),
     "fronts": lambda m, n, bw: SymmetricFronts(m.numbering.fronts),
@@ -92,7 +100,7 @@ def system_of(scene: str, kind: str | None = None):
     model = built(kind, **SCENES[scene]())
     system = System(model)
     if kind is not None:
-        system.matrix = KINDS[kind](model, model.numbering.n_unknowns, model.numbering.half_bandwidth)
+        system.matrix = of_kind(kind, model, model.numbering.half_bandwidth)
     return model, system
 
 
@@ -174,7 +182,7 @@ def test_exchanging_rows_fills_factors_little():
     joints = [pin(f"b{k}@1", f"b{(k + 1) % 8}@0", kind="weld") for k in range(8)]
     model = built(None, bodies=bodies, bc=[{"type": "clamp", "at": "b0@0"}], joints=joints)
     system = System(model)
-    matrix = system.matrix = KINDS["rows exchanged"](model, model.numbering.n_unknowns, 0)
+    matrix = system.matrix = of_kind("rows exchanged", model, 0)
     system.assemble(np.zeros(len(model.numbering.place)), 1.0)
     assert model.constraints
     assert matrix.factor().bad == -1
@@ -191,7 +199,7 @@ def test_negative_pivots_are_the_inertia_beyond_a_critical_load(kind):
         bc = [{"type": "pin", "at": "b@0"}, {"type": "roller", "at": "b@1", "fixed": "y"}]
         model = built(kind, bodies=strut, bc=bc)
         system = System(model)
-        system.matrix = KINDS[kind](model, model.numbering.n_unknowns, model.numbering.half_bandwidth)
+        system.matrix = of_kind(kind, model, model.numbering.half_bandwidth)
         strain = -P / (5.0 * 0.01)
         d = np.zeros(model.n_q)
         for i in np.flatnonzero(model.meshes["b"].kinds == 0):

@@ -17,37 +17,45 @@ from .band import eliminate_pivots, solve_lower, solve_upper
 
 
 @inner
-def _row(fronts, q, i):  # type: ignore[no-untyped-def]
-    """Return the offset of row i of front q, so that column j of the matrix is at offset + j, for pivot columns j.
+def _row_in(fronts, q, i):  # type: ignore[no-untyped-def]
+    """Return the row of front q that is row i of the matrix, or -1 if it has none; i is at least its first pivot.
 
     Rows beyond the pivots are found by bisection.
     """
-    first, pivots = fronts.first[q], fronts.first[q + 1] - fronts.first[q]
-    row, apart = i - first, pivots + fronts.start[q + 1] - fronts.start[q] - 1
-    if row >= pivots:
-        low, high = fronts.start[q], fronts.start[q + 1]
-        while high - low > 1:
-            middle = (low + high) // 2
-            if fronts.rows[middle] > i:
-                high = middle
-            else:
-                low = middle
-        row = pivots + low - fronts.start[q]
-    return fronts.at[q] + (row + 1) * apart - first
+    row, pivots = i - fronts.first[q], fronts.first[q + 1] - fronts.first[q]
+    if row < pivots:
+        return row
+    low, high = fronts.start[q], fronts.start[q + 1]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if fronts.rows[middle] > i:
+            high = middle
+        else:
+            low = middle
+    return pivots + low - fronts.start[q] if low < high and fronts.rows[low] == i else -1
+
+
+@inner
+def _offset(fronts, q, row):  # type: ignore[no-untyped-def]
+    """Return the offset of a row of front q, so that column j of the matrix is at offset + j, for pivot columns j."""
+    apart = fronts.first[q + 1] - fronts.first[q] + fronts.start[q + 1] - fronts.start[q] - 1
+    return fronts.at[q] + (row + 1) * apart - fronts.first[q]
 
 
 @inner
 def entry(fronts, i, j):  # type: ignore[no-untyped-def]
-    """Return where entry (i, j), j <= i, of the matrix is stored."""
-    return _row(fronts, fronts.owner[j], i) + j
+    """Return where entry (i, j), j <= i, of the matrix is stored, or -1 if the fronts do not have it."""
+    q = fronts.owner[j]
+    row = _row_in(fronts, q, i)
+    return _offset(fronts, q, row) + j if row >= 0 else -1
 
 
 @inner
 def fill_rows(fronts, d, place, shift, n, table):  # type: ignore[no-untyped-def]
     """Fill ``table`` with row offsets for the entries of an element with coordinates d (n,).
 
-    The unknowns are place[d] + ``shift``. Entry (a, b), where b is eliminated first, is stored at
-    ``table[table[n n + b] n + a]`` + the unknown of b. Each front is searched only once.
+    The rows are place[d] + ``shift``. Entry (a, b), where b is eliminated first, is stored at
+    ``table[table[n n + b] n + a]`` + the row of b. Each front is searched only once.
     """
     known = 0
     for b in range(n):
@@ -63,7 +71,7 @@ def fill_rows(fronts, d, place, shift, n, table):  # type: ignore[no-untyped-def
         for a in range(n):
             i = place[d[a]] + shift
             if place[d[a]] >= 0 and i >= fronts.first[q]:
-                table[known * n + a] = _row(fronts, q, i)
+                table[known * n + a] = _offset(fronts, q, _row_in(fronts, q, i))
         table[n * n + b] = known
         known += 1
 
@@ -95,7 +103,7 @@ def fronts_factor(fronts, values, tiny, scale):  # type: ignore[no-untyped-def]
         negative += found
         smallest = least if least < smallest else smallest
         if bad >= 0:
-            return first + bad, negative, smallest
+            return fronts.unknown[first + bad], negative, smallest
         for k in range(below):
             scale[fronts.rows[start + k]] += sizes[pivots + k]
         if below > 0:
@@ -119,7 +127,7 @@ def _add_to_parent(fronts, values, q, pivots, below):  # type: ignore[no-untyped
 @kernel
 def fronts_solve(fronts, values, x):  # type: ignore[no-untyped-def]
     """Solve L D L^T x = b in place: ``x`` holds b on entry, the solution afterwards."""
-    y = numbers(x, fronts.largest)
+    y, unknown = numbers(x, fronts.largest), fronts.unknown
     m = len(fronts.parent)
     for step in range(2 * m):
         q = step if step < m else 2 * m - 1 - step
@@ -130,38 +138,39 @@ def fronts_solve(fronts, values, x):  # type: ignore[no-untyped-def]
                    array_at(values, fronts.at[q], (height * height,)))
         own = array_at(y, 0, (height,))
         for k in range(pivots):
-            own[k] = x[first + k]
+            own[k] = x[unknown[first + k]]
         if step < m:
             for k in range(below):
                 own[pivots + k] = 0.0
             solve_lower(A, flat, own, pivots)
             for k in range(below):
-                x[fronts.rows[start + k]] += own[pivots + k]
+                x[unknown[fronts.rows[start + k]]] += own[pivots + k]
             for k in range(pivots):
                 own[k] *= inverse(A[k, height - 1])
         else:
             for k in range(below):
-                own[pivots + k] = x[fronts.rows[start + k]]
+                own[pivots + k] = x[unknown[fronts.rows[start + k]]]
             solve_upper(A, flat, own, pivots)
         for k in range(pivots):
-            x[first + k] = own[k]
+            x[unknown[first + k]] = own[k]
 
 
 @kernel
 def fronts_product(fronts, values, x, y, sizes):  # type: ignore[no-untyped-def]
     """Fill y = K x; with ``sizes`` add |K| x to y."""
+    unknown = fronts.unknown
     if not sizes:
         y[:] = 0.0
     for q in range(len(fronts.parent)):
         first, pivots, start = fronts.first[q], fronts.first[q + 1] - fronts.first[q], fronts.start[q]
         height = pivots + fronts.start[q + 1] - start
         for i in range(height):
-            at = first + i if i < pivots else fronts.rows[start + i - pivots]
+            at = unknown[first + i if i < pivots else fronts.rows[start + i - pivots]]
             row, total = fronts.at[q] + (i + 1) * (height - 1), 0.0 * x[at]
             for j in range(min(i, pivots)):
                 a = abs(values[row + j]) if sizes else values[row + j]
-                total += a * x[first + j]
-                y[first + j] += a * x[at]
+                total += a * x[unknown[first + j]]
+                y[unknown[first + j]] += a * x[at]
             if i < pivots:
                 total += (abs(values[row + i]) if sizes else values[row + i]) * x[at]
             y[at] += total

@@ -19,7 +19,7 @@ class SymBand(NamedTuple):
 
 
 class Nested(NamedTuple):
-    """Lower half, front by front (kernels.matrices.fronts)."""
+    """Lower half, front by front (kernels.matrices.fronts); rows are in the order of elimination."""
 
     values: Any
     fronts: Any
@@ -46,7 +46,11 @@ def _add_symband(matrix, i, j, v):  # type: ignore[no-untyped-def]
 
 def _add_nested(matrix, i, j, v):  # type: ignore[no-untyped-def]
     if j <= i:
-        matrix.values[entry(matrix.fronts, i, j)] += v
+        k = entry(matrix.fronts, i, j)
+        if k >= 0:
+            matrix.values[k] += v
+        elif v != 0.0:
+            matrix.fronts.missed[0] = 1
 
 
 def _add_band(matrix, i, j, v):  # type: ignore[no-untyped-def]
@@ -107,7 +111,10 @@ def _is_plain(place, dofs, m):  # type: ignore[no-untyped-def]
 
 @inner
 def scatter(matrix, Ke, dofs, m, places):  # type: ignore[no-untyped-def]
-    """Add T^T Ke T of element m to the matrix; Ke is symmetric if the matrix is. ``places`` is a ``layout.Places``."""
+    """Add T^T Ke T of element m to the matrix; Ke is symmetric if the matrix is.
+
+    ``places`` is a ``layout.Places`` of the rows of the matrix.
+    """
     n, place = dofs.shape[1], places.place
     lower = only_lower(matrix)
     if _is_plain(place, dofs, m):

@@ -39,8 +39,14 @@ def in_fronts(p, A):  # type: ignore[no-untyped-def]
 
 @inlined
 def places_in(p):  # type: ignore[no-untyped-def]
-    """Return the positions of coordinates among the unknowns, for assembly."""
+    """Return the positions of coordinates among the unknowns."""
     return Places(p.place, p.indptr, p.index, p.value)
+
+
+@inlined
+def rows_in(p):  # type: ignore[no-untyped-def]
+    """Return the positions of coordinates among the rows of matrices, for assembly."""
+    return Places(p.row_place, p.indptr, p.row_index, p.value)
 
 
 @addressed
@@ -126,14 +132,15 @@ def clear_same_kind_band(p, A, kind):  # type: ignore[no-untyped-def]
 @addressed
 def clear_same_kind_fronts(p, A, kind):  # type: ignore[no-untyped-def]
     """Same as ``clear_same_kind_band``, for fronts."""
-    fronts = p.fronts
+    fronts, unknown = p.fronts, p.fronts.unknown
     for q in range(len(fronts.parent)):
         first, pivots, start = fronts.first[q], fronts.first[q + 1] - fronts.first[q], fronts.start[q]
         height = pivots + fronts.start[q + 1] - start
         for i in range(height):
-            row = first + i if i < pivots else fronts.rows[start + i - pivots]
+            row = unknown[first + i if i < pivots else fronts.rows[start + i - pivots]]
             for j in range(min(i + 1, pivots)):
-                if kind[row] == kind[first + j] and (row != first + j or kind[row] != 0.0):
+                other = unknown[first + j]
+                if kind[row] == kind[other] and (row != other or kind[row] != 0.0):
                     A[fronts.at[q] + (i + 1) * (height - 1) + j] = 0.0
 
 

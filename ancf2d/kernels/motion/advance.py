@@ -61,8 +61,8 @@ from .work import inelastic_work_within, set_history
 
 # rotation in a step [rad] beyond which the turn of its stages is ambiguous
 AMBIGUOUS_TURN = 2.5
-# why ``advance`` returns
-REACHED, FULL, FAILED, EVENT = range(4)
+# why ``advance`` returns; MISSED: the next step needs other entries of matrices
+REACHED, FULL, FAILED, EVENT, MISSED = range(5)
 # kind of a stored state: inside a step, at its end, or the end of a step with states inside, for the energy balance
 INSIDE, END, CHECK = range(3)
 # fraction of a step: times this close to its end count as its end
@@ -226,6 +226,24 @@ def _try_step(m, p, w, s, at, t, h, adaptive):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _following_size(m, p, s, plan, h, relative, contraction, lost, stops, cut):  # type: ignore[no-untyped-def]
+    """Return the size of the next step after one of size h, which was ``cut`` or not."""
+    if plan.dt > 0.0:
+        return h
+    following = next_size(m, p, s, h, relative / plan.tolerance, contraction, lost, cut)
+    return size_after_engagement(s, plan, h, stops, following)
+
+
+@inner
+def _misses_entries(p, outcome):  # type: ignore[no-untyped-def]
+    """Return whether a step needs entries that matrices lack, which a failed one does not if they are for its start.
+    """
+    found = p.fronts.missed[0] != 0 and (outcome == DONE or p.fronts.missed[1] == 0)
+    p.fronts.missed[0] = 1 if found else 0
+    return found
+
+
+@inner
 def _largest(p, z):  # type: ignore[no-untyped-def]
     """Return the largest displacement [m] (or rate [m/s]) in z (or v), without the states of controllers."""
     return norm(p, array_at(z, 0, (p.inner,)))
@@ -244,6 +262,7 @@ def _accept(p, w, m, s, t, h, tracks, fed_in, happened):  # type: ignore[no-unty
     copy(m.end.v, s.v)
     copy(m.end.a, s.a)
     s.numbers[TIME], s.numbers[OLD_STEP] = t, h
+    p.fronts.missed[1] = 0
     if happened < 0.0:
         for tau in p.tau:
             if tau > 0.0 and not m.switches:
@@ -300,8 +319,8 @@ def _end(m, p, w, s, at, plan, t, h, room, aims):  # type: ignore[no-untyped-def
 def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-untyped-def]
     """Advance the motion s until t_stop, until ``rows`` are full, or for at most ``steps`` steps.
 
-    Wanted times are stored from index ``wanted_from`` on. Returns (REACHED, FULL, FAILED or EVENT; number of states
-    stored, steps logged, outcome and iterations of the last try).
+    Wanted times are stored from index ``wanted_from`` on. Returns why it stops (REACHED to MISSED), the number of
+    states stored, steps logged, outcome and iterations of the last try.
     """
     stored, logged, next_wanted = 0, 0, wanted_from
     outcome, iterations, aims, aimed, event, sooner = DONE, 0, 0, 0.0, False, 0.0
@@ -317,6 +336,8 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         last, target = targets(s, plan, rows, next_wanted)
         h = aimed if aims != 0 else size_to_target(s, last, target, sooner > 0.0)
         outcome, iterations, error, contraction = _try_step(m, p, w, s, at, t, h, plan.dt == 0.0)
+        if _misses_entries(p, outcome):
+            return MISSED, stored, logged, outcome, iterations
         size, fastest = max(s.numbers[SIZE], _largest(p, m.end.z)), _largest(p, m.end.v)
         relative = relative_error(s, error, size, fastest, h)
         fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
@@ -346,6 +367,8 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if p.sided and gains_energy(m, p, w, s, plan, t, h, work - lost, sooner == HIT):
             shorten(m, s, plan, NOT_CONVERGED, h, relative)
             continue
+        if _misses_entries(p, outcome):
+            return MISSED, stored, logged, outcome, iterations
         inside, at_end = wanted_inside(rows, next_wanted, end, NEAR * h)
         ends, left = at_end or (inside > 0 and plan.checks), len(rows.t) - stored
         if inside + ends > left and stored > 0:
@@ -357,13 +380,9 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         set_history(m, p, h, 0.0)
         if inside + ends > left:
             return FULL, stored, logged, outcome, iterations
-        s.numbers[WORK] += work
-        s.numbers[LOST] += lost
-        following = h
-        if plan.dt == 0.0:
-            cut = event or (target < last and h < s.numbers[STEP_SIZE])
-            following = next_size(m, p, s, h, relative / plan.tolerance, contraction, lost, cut)
-            following = size_after_engagement(s, plan, h, stops, following)
+        s.numbers[WORK], s.numbers[LOST] = s.numbers[WORK] + work, s.numbers[LOST] + lost
+        following = _following_size(m, p, s, plan, h, relative, contraction, lost, stops,
+                                    event or (target < last and h < s.numbers[STEP_SIZE]))
         if end >= last and plan.dt > 0.0 and last < plan.t_stop:
             s.numbers[GRID] += 1.0
         worst = _accept(p, w, m, s, end, h, plan.tracks, work - lost, sooner)
@@ -373,7 +392,6 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         _log(s, rows.log[logged], end, h, iterations, relative, worst)
         logged += 1
         if ends or (rows.every > 0 and s.numbers[COUNT] % rows.every == 0):
-            kind = CHECK if ends and not at_end else END
-            time = rows.wanted[next_wanted] if at_end else end
+            kind, time = CHECK if ends and not at_end else END, rows.wanted[next_wanted] if at_end else end
             _store(p, rows, stored, time, logged - 1, kind, s, s.numbers[WORK], s.numbers[LOST])
             stored, next_wanted = stored + 1, next_wanted + (1 if at_end else 0)

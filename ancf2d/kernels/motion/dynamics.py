@@ -32,7 +32,8 @@ class Problem(NamedTuple):
     whether there are laws or joints; stops : (k, 3) first and last + 1 item of each unilateral or gapped law, and the
     item that acted last; touches, sided : whether there are contacts, and hard ones (a multiplier instead of a law);
     turning : section directions whose turns are counted; winds : whether forces depend on the turns; programs :
-    signals. place, indptr, index, value, full, dependents : numbering; fronts : of matrices, empty for bands of
+    signals. place, indptr, index, value, full, dependents : numbering; row_place, row_index : place and index by rows
+    of matrices instead of unknowns, equal to them in bands; fronts : of matrices, empty for bands of
     ``width`` entries a row; mass : T^T M T in this storage; mass_offsets (k,), mass_diagonals (k, n) : its nonzero
     diagonals d as a band, entries (j + d, j); load_*, motion_* : dead loads, entries of P and (signals, n) T^T M P;
     alpha : mass damping [1/s]. pairs : (m, 2) unknowns x and y of one vector; turns : (m, 4) full coordinates that give
@@ -68,6 +69,8 @@ class Problem(NamedTuple):
     value: Any
     full: Any
     dependents: Any
+    row_place: Any
+    row_index: Any
     fronts: Any
     width: int
     mass: Any

@@ -105,7 +105,7 @@ class Differing:
             points = of_items(tables["points"], self.items)
             joined = with_own(tables["sliding"] if self.joints else empty, "memory", "on", "gap")
             programs = base.programs if len(own_signals.all) == len(self.run.signals) else own_signals.programs()
-            mass = mass_tables(None, model.numbering)
+            mass = mass_tables(None, model.numbering.complete)
             self.problems.append(self.run.problem.replaced(
                 records, groups=addresses(records), tau=tau, points=points, sliding=joined,
                 patched=bool(len(points.mem)), programs=with_own(programs, "window", "data"),
@@ -155,7 +155,7 @@ class Differing:
         programs = with_own(base.programs, "window", "data")
         return Record(base._replace(groups=nothing, tau=np.zeros(0), points=point_table([]), patched=False,
                                     sliding=sliding_table([], base.e0), programs=programs, **motion, **loads,
-                                    **mass_tables((T.T @ M @ T).tocsr(), model.numbering)))
+                                    **mass_tables((T.T @ M @ T).tocsr(), model.numbering.complete)))
 
     @cached_property
     def _T(self) -> Any:

@@ -13,7 +13,7 @@ from ...interactions.moving import MovingPatch
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion.advance import NEAR
 from ...kernels.motion.consistent import kinetic, onto_constraints, place_moving_at
-from ...kernels.motion.dynamics import signals_at
+from ...kernels.motion.dynamics import forces, signals_at
 from ...kernels.motion.state import GRID, LOST, STEP_SIZE, WORK, fill_full
 from ...model.breakpoints import Break, MotionPiece, breakpoints
 from ...model.model import Model
@@ -100,6 +100,21 @@ def impulse_of_dependents(motion: Any, v: Array) -> Array:
     return out
 
 
+def first_step(motion: Any) -> float:
+    """Return a first step in which little changes, by rates, accelerations and damping losses at the start."""
+    weights = motion.p.weights
+    size = max(float(np.max(weights * np.abs(motion.s.z), initial=0.0)), 1e-3 * motion.p.extent)
+    speed, pull = (float(np.max(weights * np.abs(x), initial=0.0)) for x in (motion.s.v, motion.s.a))
+    times = [motion.longest_step()]
+    times += [size / speed] if speed > 0.0 else []
+    times += [(2.0 * size / pull) ** 0.5] if pull > 0.0 else []
+    energy = kinetic(motion.p, motion.w, motion.s, motion.t)
+    lost = forces(motion.p, motion.w, motion.s.z, motion.s.v)[1]
+    times += [energy / lost] if energy > 0.0 and lost > 0.0 else []
+    order = motion.method.order if motion.m is None else motion.m.order
+    return min(times) * 0.1 * motion.tolerance ** (1.0 / order)
+
+
 def pass_break(motion: Any, piece: int) -> None:
     """Restart a motion (``stepping.Stepper``) after a break, in the given piece.
 
@@ -141,4 +156,4 @@ def pass_break(motion: Any, piece: int) -> None:
     if motion.dt > 0.0:
         s.numbers[GRID] = np.floor(t / motion.dt + NEAR)
     elif kinks.any() or not (sampled or t in motion.moving.times):
-        s.numbers[STEP_SIZE] = min(s.numbers[STEP_SIZE], (1.0 if begun else 10.0) * motion.first_step())
+        s.numbers[STEP_SIZE] = min(s.numbers[STEP_SIZE], (1.0 if begun else 10.0) * first_step(motion))

@@ -22,9 +22,9 @@ from ...model.model import Model
 from ...pace import Pace
 from ..contact import check_pressed_through, set_memory
 from ..energy import Energies, constant_loads, extra_energy, is_constant
+from ..least_motion import least_motion
 from ..long_vectors import largest_share
 from ..state import State, check_checkpoint
-from ..system import least_motion
 from .estimate import Estimate, step_ends
 from .initial import initial_motion, layers_warnings
 from .integrators import SCIPY_METHODS
@@ -133,16 +133,18 @@ class Balance:
 class Run:
     """A dynamic solve: the motion itself and, if wanted, coarser motions for the error estimate."""
 
-    def __init__(self, model: Model, spec: Dynamic) -> None:
+    def __init__(self, model: Model, spec: Dynamic, follows: bool = False) -> None:
+        """``follows``: the entries of matrices change when bodies come near each other."""
         if spec.dt is None and spec.tolerance is None:
             spec = replace(spec, tolerance=spec.local_error)
         self.model, self.spec = model, spec
-        self.problem, self.signals = make_problem(model)
         kind = OdeStepper if spec.method in SCIPY_METHODS else Stepper
+        follows = follows and kind is Stepper
+        self.problem, self.signals = make_problem(model, model.numbering.in_reference if follows else None)
         fixed = spec.dt is not None and kind is Stepper
         every = 0 if fixed else model.case.output.every or 0
         self.times = np.zeros(0) if every else stored_times(model, spec)
-        self.stepper = kind(model, self.problem, self.signals, spec, spec.dt or 0.0, self.times, every)
+        self.stepper = kind(model, self.problem, self.signals, spec, spec.dt or 0.0, self.times, every, follows)
         self.inverted: str | None = None
         self.intact = False
         self.balance = Balance(model, self.stepper)
@@ -250,7 +252,8 @@ class Run:
         """Return a displacement [m] that the motion reaches early, at most a share of the scene's size."""
         size = FIRST_SIZE * self.problem.extent
         spec = replace(self.spec, t_end=TRIAL_SHARE * self.spec.t_end)
-        scout = type(self.stepper)(self.model, self.problem, self.signals, spec, 0.0, np.zeros(0))
+        scout = type(self.stepper)(self.model, self.problem, self.signals, spec, 0.0, np.zeros(0),
+                                   follows=self.stepper.layout is not None)
         try:
             scout.start(d, v, turned)
             scout.set_size(size)
@@ -338,7 +341,7 @@ def solve_dynamic(model: Model, spec: Dynamic, checkpoint: dict[str, Array] | No
 
     Raises ComputationError where it fails, and CheckpointError at once if the checkpoint is from another motion.
     """
-    run = Run(model, spec)
+    run = Run(model, spec, follows=True)
     if checkpoint is not None:
         check_checkpoint(checkpoint, run.checkpoint())
     return run.states(checkpoint)

@@ -20,8 +20,8 @@ from ...model.model import Model
 from ...model.rotation import CoordinateKinds
 from ...pace import Pace
 from ...processors import threads
+from ..least_motion import least_motion, least_size, sticks
 from ..state import Row
-from ..system import least_motion, least_size, sticks
 from .stepping import Stepper
 from .warnings import missed_tolerance
 
@@ -86,7 +86,8 @@ class Estimate:
         """Return the stepper of a coarser motion, with steps or tolerance ``factor`` times as large."""
         fine = self.stepper
         spec = fine.spec if fine.dt > 0.0 else replace(fine.spec, tolerance=factor * fine.tolerance)
-        out = Stepper(fine.model, fine.problem, fine.signals, spec, factor * fine.dt, fine.wanted)
+        out = Stepper(fine.model, fine.problem, fine.signals, spec, factor * fine.dt, fine.wanted,
+                      follows=fine.layout is not None)
         # storing states must not shorten the steps
         out.ends_at_states = False
         # the displacements of states are enough

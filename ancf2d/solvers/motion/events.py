@@ -25,8 +25,8 @@ from ...model.point_patch import PointConstraint, PointPatch
 from ...model.points import dot
 from ...model.switched import CLOSED, is_off, store_held_values
 from ...results.records import EVENT_WORDS
-from ..linear import dense
 from ..state import Row
+from .dense import dense
 
 # a constraint repeats others if less than this share of its gradient is independent of theirs
 SAME = 1e-7

@@ -18,9 +18,9 @@ from ...kernels.motion.state import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME
 from ...kernels.motion.stops import AFTER_ENGAGEMENT, AT_END, AT_START, LARGEST_RETRY, SHORTEST, acting
 from ...kernels.motion.stops import TRIES as STOP_TRIES
 from ...model.model import Model
-from ..linear import dense
 from . import stepping
-from .breaks import pass_break
+from .breaks import first_step, pass_break
+from .dense import dense
 from .failures import stuck
 from .integrators import SCIPY_METHODS
 from .stepping import LOG, Row, Stepper
@@ -55,7 +55,7 @@ class OdeStepper(Stepper):
     looks_ahead = False
 
     def __init__(self, model: Model, problem: Any, signals: list[Any], spec: Dynamic, dt: float, wanted: Array,
-                 every: int = 0) -> None:
+                 every: int = 0, follows: bool = False) -> None:
         super().__init__(model, problem, signals, spec, dt, wanted, every)
         self.scipy = SCIPY_METHODS[self.method.name]
         self.tolerance = spec.local_error
@@ -117,10 +117,10 @@ class OdeStepper(Stepper):
 
         self.begun, self.struck = self.scale.copy(), self._struck()
         y = np.concatenate([self.s.z[self.free], self.s.v[self.free]])
-        longest = min(self.dt or np.inf, self._largest())
+        longest = min(self.dt or np.inf, self.longest_step())
         more: dict[str, Any] = {"jac": self.jacobian} if self.scipy.jacobian else {}
         # SciPy's own choice of the first step depends on the unit of time
-        more["first_step"] = min(self.first_step(), longest, 0.5 * (stop - self.t))
+        more["first_step"] = min(first_step(self), longest, 0.5 * (stop - self.t))
         solver = getattr(integrate, self.method.name)(self.rates, self.t, y, stop, max_step=longest,
                                                       rtol=self._share(), atol=self._weights(), **more)
         if first is not None:
@@ -278,7 +278,7 @@ class OdeStepper(Stepper):
             return out
 
         before, begun = acts(t), t
-        near = max(AT_START * max(end - t, self.s.numbers[OLD_STEP]), SHORTEST * self._largest())
+        near = max(AT_START * max(end - t, self.s.numbers[OLD_STEP]), SHORTEST * self.longest_step())
         for x in (t + (end - t) * k / SAMPLES for k in range(1, SAMPLES + 1)):
             now, times = acts(x), []
             for k in np.flatnonzero(now != before):

@@ -43,6 +43,7 @@ from ...kernels.tangents import fill_products
 from ...model.feedback import POSITION, RATE
 from ...model.groups import with_own_arrays, with_prescribed, with_states
 from ...model.model import Model
+from ...model.numbering import Numbering
 from ...model.point_tables import point_table, turning_table
 from ...model.timing import Signal
 from ..energy import is_constant
@@ -76,7 +77,7 @@ def called_functions(model: Model, constant: bool) -> dict[Any, tuple[Any, ...]]
     ``constant``: whether no signal depends on time.
     """
     method, layout = _method(model), empty_problem().layout
-    fronts, viscous = model.numbering.fronts is not None, any(pool.tau for pool in model.pools)
+    fronts, viscous = model.numbering.nested, any(pool.tau for pool in model.pools)
     slides, acts = any(isinstance(c, OnAxis) for c in model.constraints), bool(model.interactions.points)
     faces = any(pair.on_bodies for pair in model.contacts)
     moving = [p for p in model.interactions.points if isinstance(p, MovingPatch)]
@@ -104,7 +105,8 @@ def empty_problem() -> Record:
         groups=n, states=x, clocks=n, prescribed=table2, slopes=x, driven=np.zeros(0, dtype=bool), calls=n, tau=x,
         points=point_table([]), sliding=sliding_table([], x), moving=moving_table([], int, x), facing=facing_table([]),
         stops=n.reshape(0, 3), patched=False, touches=False, sided=False, turning=turning, winds=False,
-        programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n, fronts=no_fronts(), width=1,
+        programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n, row_place=n,
+        row_index=n, fronts=no_fronts(), width=1,
         mass=x, mass_offsets=n, mass_diagonals=table2, load_coord=n, load_value=x, load_signal=n,
         load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n, motion_mass=table2,
         motion_mass_signal=n, motion_mutual=table2, alpha=0.0, pairs=n.reshape(0, 2), turns=n.reshape(0, 4), e0=x,
@@ -112,9 +114,12 @@ def empty_problem() -> Record:
         least_iterations=1))
 
 
-def make_problem(model: Model) -> tuple[Record, list[Signal]]:
-    """Return the record (``Problem``) for the kernels of motion, and its signals."""
-    num, signals = model.numbering, Signals()
+def make_problem(model: Model, num: Numbering | None = None) -> tuple[Record, list[Signal]]:
+    """Return the record (``Problem``) for the kernels of motion, and its signals.
+
+    ``num`` is the numbering of the model, by default for all elements of bodies that may touch each other.
+    """
+    num, signals = model.numbering.complete if num is None else num, Signals()
     T, M = unknowns_to_coordinates(model), full_mass(model)
     pairs, turns = vectors(model)
     tau = np.array([pool.tau for pool in model.pools])
@@ -123,11 +128,12 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     data: dict[str, Any] = {
         "groups": addresses(model.groups), "states": model.states, "clocks": model.clocks, "tau": tau,
         "prescribed": np.zeros((2, 0)), "slopes": np.zeros(0),
-        "points": assembled_laws(model, T, signals, _method(model).conserves),
+        "points": assembled_laws(model, num, T, signals, _method(model).conserves),
         "turning": turning_table(model.turns), "winds": model.winds,
         "facing": facing_table(model.interactions.points), "stops": stops_of(model),
         "sliding": sliding_table(model.constraints, model.e0), "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,
+        "row_place": num.rows.place, "row_index": num.rows.unknown,
         **mass_tables((T.T @ M @ T).tocsr(), num), "alpha": float(damping.rayleigh.alpha) if damping else 0.0,
         "pairs": pairs, "turns": turns, "e0": model.e0, "weights": num.of_unknowns(model.weights),
         "straining": num.of_unknowns(model.straining), "coordinate": num.of_unknowns(np.ones(num.n_q)),
@@ -175,7 +181,7 @@ def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str,
                    for x, k in ((data["mass"], tail), (moving.fixed, tail if len(moving.fixed) else 0)))
     return {"feedback": feedback, "moving": moving._replace(fixed=fixed), "mass": mass, "inner": n,
             "rank": found.rank, "least_iterations": 2 if switches(feedback.programs, own) else 1,
-            "place": np.concatenate([num.place, n + np.arange(m)]),
+            **{key: np.concatenate([data[key], n + np.arange(m)]) for key in ("place", "row_place")},
             "full": np.concatenate([num.free, n_full + np.arange(m)]),
             "coordinate": longer(data["coordinate"], 1.0),
             **{key: longer(data[key]) for key in ("weights", "straining", "mass_diagonals", "motion_mass")}}

@@ -12,10 +12,10 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion import advance as kernels
-from ...kernels.motion.consistent import consistent, kinetic
-from ...kernels.motion.dynamics import forces, signals_at
+from ...kernels.motion.consistent import consistent
+from ...kernels.motion.dynamics import signals_at
 from ...kernels.motion.impact import consistent_start
-from ...kernels.motion.many_states import AS_IS, FORCES_ALONE, POSITIONS, RATES, read_states
+from ...kernels.motion.many_states import AS_IS, FORCES_ALONE, POSITIONS, RATES
 from ...kernels.motion.state import (
     LOST,
     SIZE,
@@ -32,15 +32,16 @@ from ...model.breakpoints import MotionPiece, motion_pieces, piece_at
 from ...model.model import Model
 from ...model.point_patch import PointConstraint
 from ...model.timing import Signal
+from ..least_motion import least_size
 from ..state import MEMORIES, Row, with_rows
-from ..system import least_size
-from .breaks import MovingPoints, impulse_of_dependents, pass_break
+from .breaks import MovingPoints, first_step, impulse_of_dependents, pass_break
 from .events import Events
 from .failures import check_signals, cut_off, failure, fastest
 from .feedback import MotionFeedback
 from .impacts import COLUMNS, Impacts
 from .initial import continues_from_file
 from .integrators import INTEGRATORS, default_method
+from .layout import Layout, read, repeated
 from .own_integrators import MAKERS, Method, newton_tolerance
 from .problem import driving_signals, tracks_work, with_own_tables
 
@@ -59,7 +60,8 @@ class Stepper:
     reads_forces = True  # whether forces and energies of stored states are computed at once, or displacements alone
 
     def __init__(self, model: Model, problem: Record, signals: list[Signal], spec: Dynamic, dt: float,
-                 wanted: Array, every: int = 0) -> None:
+                 wanted: Array, every: int = 0, follows: bool = False) -> None:
+        """``follows``: the entries of matrices change when bodies come near each other."""
         self.model, self.signals, self.spec = model, signals, spec
         self.problem, self.p = problem, with_own_tables(problem, model)
         n = len(problem.coordinate)
@@ -69,12 +71,14 @@ class Stepper:
         # in steps with contact without a law, where rates jump, interpolated states have more energy than both ends
         self.tracks_work, self.ends_at_states = tracks_work(model), bool(self.p.sided)
         self.m: Method | None = None  # None for SciPy's methods
+        self.newton_tolerance = newton_tolerance(self.method, self.tolerance)
         if self.method.name in MAKERS:
-            self.tighten(newton_tolerance(self.method, self.tolerance))
+            self.tighten(self.newton_tolerance)
         remembered = 0 if self.m is None else self.m.remembered
         self.s = Record(motion(n, self.method.rows, len(self.p.turning.length), remembered))
         self.s.numbers[STEP_SIZE] = self.dt = dt
         self.wanted, self.every, self.next_wanted = wanted, every, 0
+        self.layout = Layout(self) if follows and model.numbering.couplings is not None else None
         self.moving, self.feedback, feedback = MovingPoints(model, spec.t_end), MotionFeedback(self), model.feedback
         self.events, self.impacts = Events(self), Impacts(model)
         ends = self.events.breaks(spec.t_end)
@@ -105,7 +109,14 @@ class Stepper:
 
     def tighten(self, tolerance: float) -> None:
         """Set the tolerance of Newton's increments, relative to the size of the motion."""
+        self.newton_tolerance = tolerance
         self.m = Method(self.method.name, self.spec, self.p, tolerance, self.model.relaxing, self.tracks_work)
+
+    def use_problem(self, p: Record) -> None:
+        """Go on with a problem whose matrices have other entries."""
+        self.p, self.w = p, self.w.replaced(A=np.zeros(len(p.mass)))
+        if self.m is not None:
+            self.tighten(self.newton_tolerance)
 
     def _rows(self, n: int) -> Record:
         m = int(min(max(STATE_BYTES // (24 * max(n, 1)), 2), max(len(self.wanted), 2) if not self.every else LOG_ROWS))
@@ -139,10 +150,12 @@ class Stepper:
         self.s.numbers[SIZE] = least_size(self.model, self.tolerance if self.dt == 0.0 else 0.0)
         self.feedback.set_weights()
         if self.dt == 0.0:
-            self.s.numbers[STEP_SIZE] = self.first_step()
+            self.s.numbers[STEP_SIZE] = first_step(self)
 
     def _begin_from(self, d: Array, v: Array, turned: Array) -> None:
         self._place(d, v, turned)
+        if self.layout is not None:
+            self.layout.follow()
         given = self.s.v.copy()
         self.events.hold_engaged(self.events.acting())
         self.consistent(0.0, impulse_of_dependents(self, v))
@@ -166,7 +179,7 @@ class Stepper:
 
     def consistent(self, t: float, impulse: Array) -> None:
         make = consistent_start if self.p.sided else consistent
-        if not make(self.p, self.w, self.s.z, self.s.v, self.s.a, t, impulse):
+        if not repeated(self, lambda: make(self.p, self.w, self.s.z, self.s.v, self.s.a, t, impulse)):
             raise ComputationError(
                 "the mass matrix is singular, or joints hold the same motion twice", at={"t": t},
                 advice="give every body a density (rhoI too if the section is given by stiffnesses); remove joints "
@@ -187,21 +200,8 @@ class Stepper:
         count_turns(self.p.turning, d, rates, h, *out)
         return out
 
-    def first_step(self) -> float:
-        """Return a first step in which little changes, by rates, accelerations and damping losses at the start."""
-        weights = self.p.weights
-        size = max(float(np.max(weights * np.abs(self.s.z), initial=0.0)), 1e-3 * self.p.extent)
-        speed, pull = (float(np.max(weights * np.abs(x), initial=0.0)) for x in (self.s.v, self.s.a))
-        times = [self._largest()]
-        times += [size / speed] if speed > 0.0 else []
-        times += [(2.0 * size / pull) ** 0.5] if pull > 0.0 else []
-        energy = kinetic(self.p, self.w, self.s, self.t)
-        lost = forces(self.p, self.w, self.s.z, self.s.v)[1]
-        times += [energy / lost] if energy > 0.0 and lost > 0.0 else []
-        order = self.method.order if self.m is None else self.m.order
-        return min(times) * 0.1 * self.tolerance ** (1.0 / order)
-
-    def _largest(self) -> float:
+    def longest_step(self) -> float:
+        """Return the longest step allowed."""
         return self.spec.t_end / (50.0 if len(self.pieces) > 1 or self.tracks_work else 10.0)
 
     def _restart(self) -> None:
@@ -213,7 +213,7 @@ class Stepper:
         """Set the displacement [m] that local errors of adaptive steps are relative to, at least."""
         self.s.numbers[SIZE] = max(size, least_size(self.model, self.tolerance))
         self.feedback.set_weights()
-        self.s.numbers[STEP_SIZE] = self.first_step()
+        self.s.numbers[STEP_SIZE] = first_step(self)
 
     @property
     def size(self) -> float:
@@ -253,7 +253,9 @@ class Stepper:
             if logged > 0:  # adapt the duration of the next call; results do not depend on it
                 steps = CHUNK_SECONDS * logged / max(time.perf_counter() - began, 1e-6)
                 self.steps = int(min(max(steps, 1), 4 * self.steps, LOG_ROWS))
-            if why == kernels.EVENT:
+            if why == kernels.MISSED and self.layout is not None:
+                self.layout.follow()
+            elif why == kernels.EVENT:
                 following = self.events.switch_marked(found)
                 if not self.done:
                     pass_break(self, following)
@@ -269,7 +271,7 @@ class Stepper:
         """
         assert self.m is not None
         stop, end = self.pieces[self.piece].stop, self.spec.t_end
-        plan = kernels.StepPlan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), fastest(self),
+        plan = kernels.StepPlan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self.longest_step(), fastest(self),
                             self.tracks_work, self.ends_at_states, self.keeps_checks)
         self._plan = self._plan if self._plan is not None and self._plan.values == plan else Record(plan)
         why, stored, logged, outcome, _ = kernels.advance(
@@ -311,8 +313,7 @@ class Stepper:
         onto = np.where(kind == kernels.INSIDE, self.projection_inside, self.projection_at_ends)
         if onto.any():
             columns = *(x.copy() for x in columns[:3]), *columns[3:]
-        read_states(self.evaluation_problem, self.w, every, side, onto, *columns, *(full if every else [full[0]] * 4),
-                    energy)
+        read(self, every, side, onto, columns, (*(full if every else [full[0]] * 4), energy))
         for row, one, *found in zip(rows, energy, *full[..., :len(self.model.numbering.place)], strict=True):
             row.full, row.energy = tuple(found), (float(one[0]), float(one[1]))
 
@@ -378,12 +379,15 @@ class Stepper:
         out |= {"log": np.array(self.pending), "places": np.array([self.next_wanted, self.piece, self.every]),
                 "dt": np.array([self.dt, self.tolerance])}
         out |= {"sizes": self.p.feedback.scale.copy(), **self.events.checkpoint(), **self.impacts.kept()}
+        out["layout"] = np.zeros(0) if self.layout is None else self.layout.checkpoint()
         return out | dict(zip(MEMORIES, (x.copy() for x in self._memory()), strict=True))
 
     def resume(self, checkpoint: dict[str, Array]) -> None:
         """Restore the motion from a checkpoint."""
         for name, value in zip(Motion._fields, self.s.values, strict=True):
             value[:] = checkpoint[name]
+        if self.layout is not None:
+            self.layout.resume(checkpoint["layout"])
         self.pending = checkpoint["log"].reshape(-1, len(LOG)).copy()
         self.next_wanted = int(checkpoint["places"][0])
         self.events.resume(checkpoint)

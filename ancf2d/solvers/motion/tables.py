@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...case.programs import programs
+from ...elements.contact_geometry import BODY, FRICTION, SHAPE
 from ...elements.shape import Array
 from ...kernels.matrices.layout import entries, no_fronts
+from ...kernels.points import Assembly, Points
 from ...model.mesh import Index
 from ...model.model import Model
 from ...model.numbering import Numbering
-from ...model.point_tables import point_table, with_assembly
+from ...model.point_tables import point_table, span
 from ..energy import is_constant
 
 if TYPE_CHECKING:
@@ -154,11 +156,46 @@ def vectors(model: Model) -> tuple[Index, Index]:
             np.array(list(pairs.values()), dtype=np.int64).reshape(-1, 4))
 
 
-def assembled_laws(model: Model, T: csr_matrix, signals: Signals, steps: bool) -> Any:
+def with_assembly(points: Points, T: csr_matrix, slots: Callable[[Index, Index], Index]) -> Points:
+    """Return a table with the couplings of curves, and of hard contact points with friction, to the unknowns z.
+
+    ``T`` : (n_full, n) with d = T z; ``slots(i, j)`` : places of entries (i, j), j <= i, in the matrix of the unknowns.
+    """
+    begin, unknown, rows, spans, slot = np.zeros((len(points.forces) + 1, 3), dtype=np.int64), [], [], [], []
+    following, rubs = 0, points.restitution >= 0.0
+    rubs &= points.par[:, FRICTION] > 0.0 if rubs.any() else False
+    for i in range(len(points.forces)):
+        begin[i + 1] = begin[i]
+        if i < following or (points.forces_of_run[i] == 0 and not rubs[i]):
+            continue
+        following, n = i + int(points.run[i]), int(points.dof[i + 1] - points.dof[i])
+        if rubs[i] and points.par[i, SHAPE] == BODY:
+            # the coordinates of the body that it touches change
+            begin[i + 1, 2] += n * (n + 1) // 2
+            continue
+        parts = [slice(*T.indptr[c:c + 2]) for c in points.dofs[points.dof[i]:points.dof[i + 1]]]
+        used, to = np.unique(np.concatenate([T.indices[p] for p in parts]), return_inverse=True)
+        own = np.zeros((len(used), len(parts)))
+        own[to, np.repeat(np.arange(len(parts)), [p.stop - p.start for p in parts])] = np.concatenate(
+            [T.data[p] for p in parts])
+        W = own @ points.G[points.entry[i]:points.entry[i + 1]].reshape(len(parts), -1)
+        high, low = np.tril_indices(len(used))
+        unknown.append(used)
+        rows.append(W.ravel())
+        spans.append(span(W))
+        slot.append(slots(np.maximum(used[low], used[high]), np.minimum(used[low], used[high])))
+        begin[i + 1] += [len(used), W.size, len(low)]
+    index = np.zeros(0, dtype=np.int64)
+    return points._replace(assembly=Assembly(
+        begin, np.concatenate([index, *unknown]), np.concatenate([np.zeros(0), *rows]),
+        np.concatenate([index.reshape(0, 2), *spans]), np.concatenate([index, *slot]), np.zeros(int(begin[-1, 2])),
+        np.zeros(len(points.forces), dtype=bool), max((len(u) for u in unknown), default=0)))
+
+
+def assembled_laws(model: Model, num: Numbering, T: csr_matrix, signals: Signals, steps: bool) -> Any:
     """Return the table of all point laws with the unknowns z that they act on, by d = T z (n_q,)."""
     from scipy.sparse import csr_matrix, vstack
 
-    num = model.numbering
     multipliers = num.place[num.n_q:]
     used = np.flatnonzero(multipliers >= 0)
     rest = csr_matrix((np.ones(len(used)), (used, multipliers[used])), shape=(len(multipliers), num.n_unknowns))

@@ -14,10 +14,11 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...interactions.forces import LoadSet
 from ...kernels.elements import viscous_force
+from ...kernels.matrices.layout import stored_entries
 from ...model.mesh import Index
 from ...model.model import Model
 from ..contact import memory, restore_memory
-from ..ldl import SymmetricBand
+from ..ldl import SymmetricBand, SymmetricFronts
 from ..linear import (
     GeneralBand,
     TangentMatrix,
@@ -339,8 +340,12 @@ def entries(model: Model, matrix: TangentMatrix) -> tuple[Index, Index]:
         i = np.add.outer(np.arange(n), np.arange(-bw, bw + 1)).ravel()
         inside = (i >= 0) & (i < n)
         return i[inside], np.repeat(np.arange(n), 2 * bw + 1)[inside]
-    rows, columns = pattern(model)
-    code: Index = np.unique(columns.astype(np.int64) * n + rows.astype(np.int64))
+    if isinstance(matrix, SymmetricFronts) and model.numbering.couplings is not None:
+        low, high = stored_entries(matrix.fronts)
+        code: Index = np.unique(np.append(low * n + high, high * n + low))
+    else:
+        rows, columns = pattern(model)
+        code = np.unique(columns.astype(np.int64) * n + rows.astype(np.int64))
     return code % max(n, 1), code // max(n, 1)
 
 

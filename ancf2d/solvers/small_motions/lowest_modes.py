@@ -14,8 +14,9 @@ from ...kernels.elements import tangent_action
 from ...model.model import Model
 from ...model.rotation import CoordinateKinds
 from ..ldl import Pivots
+from ..least_motion import UNIT_ROUNDOFF
 from ..linear import assemble_mass, make_matrix
-from ..system import UNIT_ROUNDOFF, System
+from ..system import System
 from .rayleigh_ritz import graded_ritz
 
 
@@ -28,7 +29,7 @@ class Pencil:
 
     def __init__(self, model: Model, d: Array, t: float, loads: bool, turned: Array | None = None) -> None:
         self.model, self.d, self.t, self.loads = model, d, t, loads
-        self.system = System(model)
+        self.system = System(model, fixed=True)
         self.system.count_from((d, model.turns.from_reference(d) if turned is None else turned))
         self.balance = self.system.assemble(d, t, load_stiffness=loads)
         self.matrix = self.system.matrix

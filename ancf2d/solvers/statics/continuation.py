@@ -23,10 +23,11 @@ from ...model.model import Model
 from ...model.rotation import Rotation
 from ..active_set import PENETRATION, ROUNDS, initialise_active_set, not_found, update_active_set
 from ..contact import memory, restore_memory
+from ..least_motion import UNIT_ROUNDOFF
 from ..lift_off import PlaceHistory, fix_places, release_places
 from ..linear import GeneralSparse
 from ..state_results import position_of
-from ..system import UNIT_ROUNDOFF, Balance, System
+from ..system import Balance, System
 from .newton import at_floor, balanced, check_divergence, check_sound, has_converged
 
 # with history variables, iterations after which Newton steps are shortened, and by which factor: where yielding

@@ -22,11 +22,12 @@ from ...model.determinacy import free_motions
 from ...model.model import Model
 from ..active_set import ROUNDS, initialise_active_set, update_active_set
 from ..contact import check_crossed, memory, restore_memory
+from ..least_motion import STILL
 from ..lift_off import PlaceHistory
 from ..linear import assemble_mass, make_matrix
 from ..long_vectors import largest
 from ..state import State
-from ..system import STILL, Balance, System
+from ..system import Balance, System
 from .newton import NewtonResult, check_sound, negative_pivots, newton, state_of
 
 # a body counts as slack if its weight exceeds this many times EI/L^2

@@ -70,7 +70,7 @@ def tangent_rate(pencil: Pencil, u: Array, h: float) -> Array:
     of constraints are left out: K is projected on the motions that constraints allow, along vectors that are
     K-orthogonal to the constrained motions, and there the rotation of the constraints has an effect of second order.
     """
-    system = System(pencil.model)
+    system = System(pencil.model, fixed=True)
     system.count_from(pencil.system.turns())
     out = np.zeros_like(pencil.K)
     for k, weight in points_of(pencil.model):

@@ -25,10 +25,11 @@ from ..active_set import (
 )
 from ..contact import check_crossed, check_pressed_through, memory, restore_memory
 from ..friction import stick_least_slipping
+from ..least_motion import STILL, UNIT_ROUNDOFF, sticks
 from ..lift_off import PlaceHistory
 from ..long_vectors import chunks, largest
 from ..state import Graded, State
-from ..system import STILL, UNIT_ROUNDOFF, Balance, System, sticks
+from ..system import Balance, System
 
 TOLERANCE = 1e-9
 MAX_ITERATIONS = 30

@@ -47,7 +47,8 @@ class Follower:
 
     def __init__(self, model: Model, spec: Static) -> None:
         self.model, self.spec = model, spec
-        self.curve = Curve(System(model), spec.tolerance or TOLERANCE, spec.max_iterations or MAX_ITERATIONS)
+        self.curve = Curve(System(model, fixed=True), spec.tolerance or TOLERANCE,
+                           spec.max_iterations or MAX_ITERATIONS)
         self.goal = goal_of(model, spec.until)
         self.count = getattr(spec.until, "count", None)
         self.controlled = spec.method == "displacement"

@@ -14,8 +14,9 @@ from ...errors import ComputationError
 from ...model.breakpoints import SMOOTH, case_stops, instants
 from ...model.model import Model
 from ..contact import memory, restore_memory
+from ..least_motion import UNIT_ROUNDOFF
 from ..state import State, check_checkpoint
-from ..system import UNIT_ROUNDOFF, System, Turned
+from ..system import System, Turned
 from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, check_sound, negative_pivots, newton, state_of
 from .static import BEYOND, LoadSteps
 from .step_control import Path
