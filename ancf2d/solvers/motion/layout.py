@@ -60,6 +60,7 @@ class Layout:
         """Restore the entries of a checkpoint."""
         self.margin, self.made, self.d = float(kept[0]), float(kept[1]), kept[2:].copy()
         self.apply()
+        self.motion.p.fronts.missed[1] = self.motion.s.numbers[COUNT] == self.made
 
 
 def with_entries(p: Record, found: Record) -> Record:
