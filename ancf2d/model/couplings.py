@@ -152,9 +152,10 @@ class Couplings:
                 acts.append(np.where(opposite >= 0, n * constraint[i[held], None] + opposite, -1).ravel())
         for rows in more:
             for coords in rows:
-                reached = unknowns(coords[coords < len(self.natural)], self.natural, self.terms)
-                sets.append(np.array([reached], dtype=np.int64))
-                acts += [n * k + np.array(reached) for k in coords[coords >= len(self.natural)] - len(self.natural)]
+                own = coords[coords < len(self.natural)]
+                reached = np.array(unknowns(own, self.natural, self.terms), dtype=np.int64)
+                sets.append(reached[None])
+                acts += [n * k + reached for k in coords[coords >= len(self.natural)] - len(self.natural)]
         both = np.unique(np.concatenate(acts))
         both = both[both >= 0]
         acts_on = np.split(both % n, np.searchsorted(both, n * np.arange(1, m))) if m else []

@@ -82,8 +82,10 @@ class Numbering:
         """The places of coordinates among the rows of a matrix, which fronts may have in another order."""
         if self.fronts is None:
             return self.places
-        row = self.fronts.row
-        return Places(np.where(self.place >= 0, row[self.place], self.place), self.indptr, row[self.index], self.value)
+        row, free = self.fronts.row, self.place >= 0
+        place = self.place.copy()
+        place[free] = row[place[free]]
+        return Places(place, self.indptr, row[self.index], self.value)
 
     @property
     def nested(self) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..kernels.motion.state import TIME
+from .motion.layout import Layout
 from .motion.problem import make_problem
 from .motion.stepping import Stepper
 from .state import State
@@ -31,6 +32,9 @@ class MotionAtTimes(Stepper):
         """
         self.enter(next(k for k, piece in enumerate(self.pieces) if t <= piece.stop or piece is self.pieces[-1]))
         self._place(d, v, turned)
+        if self.layout is not None:
+            self.layout = Layout(self)
+            self.layout.follow()
         self.s.numbers[TIME] = t
         self.consistent(t, np.zeros(len(self.s.z)))
         row = self.last()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import helpers
@@ -101,3 +102,12 @@ def test_few_entries_remain_where_bodies_touch_all_along():
     (few, all_of_few), (many, all_of_many) = sizes
     assert many < 2.5 * few
     assert all_of_many > 3.5 * all_of_few
+
+
+def test_rows_of_a_matrix_leave_held_and_dependent_coordinates_as_they_are():
+    """Also if there are more of these than unknowns."""
+    num = sliding({"type": "static"}, "law", bc=clamps("long@0", "short@0")).numbering.in_reference
+    more = replace(num, place=np.append(num.place, [-1, -2 - 3 * num.n_unknowns]))
+    free = more.place >= 0
+    np.testing.assert_array_equal(more.rows.place[~free], more.place[~free])
+    np.testing.assert_array_equal(num.fronts.unknown[more.rows.place[free]], more.place[free])
