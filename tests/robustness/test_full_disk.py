@@ -126,6 +126,8 @@ def test_a_sweep_on_a_full_disk_names_its_file_and_keeps_its_rows(folder: Path,
                                                                   monkeypatch: pytest.MonkeyPatch) -> None:
     scenes.write(folder, "case", BEAM)
     sweep = ("sweep", "case.yaml", "--over", "bodies.beam.element.count=1,2,3", "--jobs", "1", "-o", "out", "-q")
+    # compiled code has to be stored, too
+    assert call("run", "case.yaml", "-q").code == 0
     with monkeypatch.context() as disk:
         disk.setattr("ancf2d.results.target.os.write", _full)
         found = call(*sweep)
