@@ -158,19 +158,26 @@ def fronts_solve(fronts, values, x):  # type: ignore[no-untyped-def]
 @kernel
 def fronts_product(fronts, values, x, y, sizes):  # type: ignore[no-untyped-def]
     """Fill y = K x; with ``sizes`` add |K| x to y."""
-    unknown = fronts.unknown
+    # the parts of x and y at the pivots of a front
+    own, sums, unknown = numbers(x, fronts.largest), numbers(x, fronts.largest), fronts.unknown
     if not sizes:
         y[:] = 0.0
     for q in range(len(fronts.parent)):
         first, pivots, start = fronts.first[q], fronts.first[q + 1] - fronts.first[q], fronts.start[q]
         height = pivots + fronts.start[q + 1] - start
+        for k in range(pivots):
+            own[k], sums[k] = x[unknown[first + k]], y[unknown[first + k]]
         for i in range(height):
             at = unknown[first + i if i < pivots else fronts.rows[start + i - pivots]]
-            row, total = fronts.at[q] + (i + 1) * (height - 1), 0.0 * x[at]
+            row, here, total = fronts.at[q] + (i + 1) * (height - 1), x[at], 0.0 * x[at]
             for j in range(min(i, pivots)):
                 a = abs(values[row + j]) if sizes else values[row + j]
-                total += a * x[unknown[first + j]]
-                y[unknown[first + j]] += a * x[at]
+                total += a * own[j]
+                sums[j] += a * here
             if i < pivots:
-                total += (abs(values[row + i]) if sizes else values[row + i]) * x[at]
-            y[at] += total
+                total += (abs(values[row + i]) if sizes else values[row + i]) * here
+                sums[i] += total
+            else:
+                y[at] += total
+        for k in range(pivots):
+            y[unknown[first + k]] = sums[k]
