@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -27,9 +27,6 @@ from .mesh import Index
 from .point_patch import Items, PointConstraint, PointPatch
 from .rotation import Turns
 from .timing import Clocked, rates_of
-
-if TYPE_CHECKING:
-    pass
 
 # energy, forces (m, n), stiffness (m, n, n) and coordinates (m, n) of m items with n coordinates each
 Evaluated = tuple[float, Array, Array, Index]

@@ -56,7 +56,7 @@ class OdeStepper(Stepper):
 
     def __init__(self, model: Model, problem: Any, signals: list[Any], spec: Dynamic, dt: float, wanted: Array,
                  every: int = 0, follows: bool = False) -> None:
-        super().__init__(model, problem, signals, spec, dt, wanted, every)
+        super().__init__(model, problem, signals, spec, dt, wanted, every, follows)
         self.scipy = SCIPY_METHODS[self.method.name]
         self.tolerance = spec.local_error
         n = len(self.p.coordinate)
