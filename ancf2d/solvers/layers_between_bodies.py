@@ -18,7 +18,6 @@ from ..elements.shape import gauss
 from ..errors import SingularTangentError
 from ..interactions.contact_curves import Spot, levels_of
 from ..kernels.facing import IN_RANGE
-from ..kernels.matrices.matrix import scatter_patches
 from ..model.contact_tables import BodyTable
 from ..model.model import Model
 from .state import State
@@ -90,14 +89,13 @@ class BodyLayer:
         model, num, d = self.model, self.model.numbering, state.d
         self.system = system = self.system or System(model)
         system.count_from((d.copy(), model.turns.from_reference(d) if state.turned is None else state.turned))
-        system.assemble(d, state.side)
-        excess = np.zeros(len(d))
+        excess, stiffness = np.zeros(len(d)), []
         for sign, tables in zip((-1.0, 1.0), found, strict=True):
             for coords, Q, _, K in tables:
                 bears = np.flatnonzero(Q.any(axis=1))
                 np.add.at(excess, coords[bears], sign * Q[bears])
-                scatter_patches(system.matrix.target, sign * K[bears], coords[bears], 0, len(bears),
-                                system.matrix.places)
+                stiffness.append((sign * K[bears], coords[bears]))
+        system.assemble(d, state.side, more=stiffness)
         try:
             system.factor({"factor": state.t})
         except SingularTangentError:

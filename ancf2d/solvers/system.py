@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -107,18 +107,19 @@ class System:
             model.turns.set_spring_angles(model.springs, model.e0 + d[:n_q], d[:n_q], self.count(d.copy(), t))
         yield from model.interactions.patches(d, t, elastic, linear)
 
-    def assemble(self, d: Array, t: float, load_stiffness: bool = True, out: Balance | None = None) -> Balance:
+    def assemble(self, d: Array, t: float, load_stiffness: bool = True, out: Balance | None = None,
+                 more: Sequence[tuple[Array, Index]] = ()) -> Balance:
         """Return the forces at d (n_full,), in arrays of ``out`` if given, and fill the tangent matrix.
 
         ``load_stiffness=False`` is linear theory about the reference: loads have no stiffness, constraints are linear,
-        and natural strains act as loads.
+        and natural strains act as loads. ``more``: further matrices (m, n, n) to add, and their coordinates (m, n).
         """
         self.evaluations += 1
         self._tried = None
-        balance, margin = self._assemble(d, t, load_stiffness, out), MARGIN
+        balance, margin = self._assemble(d, t, load_stiffness, out, more), MARGIN
         while self.missed:
             self.follow(d, t, margin)
-            balance, margin = self._assemble(d, t, load_stiffness, out), 2.0 * margin
+            balance, margin = self._assemble(d, t, load_stiffness, out, more), 2.0 * margin
         return balance
 
     @property
@@ -128,14 +129,13 @@ class System:
 
     def follow(self, d: Array, t: float, margin: float = MARGIN) -> None:
         """Replace the matrix by an empty one with the entries for all elements near each other at d (n_full,)."""
-        self.matrix = make_matrix(self.model, self.model.numbering.near(d, margin, self._coupled_rows(d, t)))
+        # the coordinates of patches that have a stiffness between different coordinates
+        rows = (dofs[np.count_nonzero(K, axis=(1, 2)) > np.count_nonzero(np.einsum("mii->mi", K), axis=1)]
+                for _, _, K, dofs in self.patches(d, t))
+        self.matrix = make_matrix(self.model, self.model.numbering.near(d, margin, rows))
 
-    def _coupled_rows(self, d: Array, t: float) -> Iterator[Index]:
-        """Yield the coordinates (m, n) of patches that have a stiffness between different coordinates."""
-        for _, _, K, dofs in self.patches(d, t):
-            yield dofs[(np.count_nonzero(K, axis=(1, 2)) > np.count_nonzero(np.einsum("mii->mi", K), axis=1))]
-
-    def _assemble(self, d: Array, t: float, load_stiffness: bool, out: Balance | None) -> Balance:
+    def _assemble(self, d: Array, t: float, load_stiffness: bool, out: Balance | None,
+                  more: Sequence[tuple[Array, Index]]) -> Balance:
         self.matrix.clear()
         Q, R = self._no_forces(out)
         places = self.matrix.places
@@ -145,6 +145,8 @@ class System:
             energy += u
             np.add.at(Q, dofs, q)
             scatter_patches(self.matrix.target, np.ascontiguousarray(K), dofs, 0, len(dofs), places)
+        for K, dofs in more:
+            scatter_patches(self.matrix.target, K, dofs, 0, len(dofs), places)
         if not load_stiffness:
             self.add_loads(Q, d, t)
             energy += self.add_natural(Q, d, None, t)
