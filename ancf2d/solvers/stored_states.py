@@ -8,7 +8,7 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..kernels.motion.state import TIME
-from .motion.layout import Layout
+from .motion.near_elements import Layout
 from .motion.problem import make_problem
 from .motion.stepping import Stepper
 from .state import State

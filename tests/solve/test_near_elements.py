@@ -12,7 +12,7 @@ from test_contact_of_bodies import clamps
 
 from ancf2d.model.numbering import Numbering
 from ancf2d.solvers.motion.dynamic import Run
-from ancf2d.solvers.motion.layout import Layout
+from ancf2d.solvers.motion.near_elements import Layout
 from ancf2d.solvers.registry import solve
 from ancf2d.solvers.system import System
 

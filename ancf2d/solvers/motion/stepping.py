@@ -41,7 +41,7 @@ from .feedback import MotionFeedback
 from .impacts import COLUMNS, Impacts
 from .initial import continues_from_file
 from .integrators import INTEGRATORS, default_method
-from .layout import Layout, read, repeated
+from .near_elements import Layout, read, repeated
 from .own_integrators import MAKERS, Method, newton_tolerance
 from .problem import driving_signals, tracks_work, with_own_tables
 
