@@ -88,7 +88,8 @@ class Facing(NamedTuple):
     item, way : (k,) its number among the point laws, and the body it may touch; own : (k, 2) number of its own
     fields and coordinates; arms : (ways + 1,) where the arms of each body start; first : (arms + 1,) where the curves
     of each arm start, tree : (arms + 1,) where its tree starts; curve : (curves, CURVE_SIZE) constants of a curve;
-    sizes : (curves, 2) its fields and coordinates;
+    beside : (curves, 2) the curves before and after it on its face, or itself; sizes : (curves, 2) its fields and
+    coordinates;
     at : (curves, 3) where its entries of dofs, G and p0 start; now, chords : (curves, 5), boxes : (., 8) work arrays
     for fields, chords and the tree (``kernels.chords``).
     """
@@ -100,6 +101,7 @@ class Facing(NamedTuple):
     first: Any
     tree: Any
     curve: Any
+    beside: Any
     sizes: Any
     at: Any
     dofs: Any

@@ -321,6 +321,23 @@ def _is_end(mesh: BodyMesh, p: Spot) -> bool:
     return not mesh.plan.closed and not p.free and (p.ie, p.z) in ((0, -1.0), (len(mesh.dofs) - 1, 1.0))
 
 
+def _curves_beside(pairs: Sequence[BodyPair]) -> Index:
+    """Return the curves (n, 2) before and after each curve on its face, or itself where there is none."""
+    out, first = [], 0
+    for pair in pairs:
+        constants = np.array([c.constants for c in pair.curves])
+        beside = np.repeat(np.arange(len(constants))[:, None], 2, axis=1)
+        for number in (1.0, 2.0):
+            face = np.flatnonzero(constants[:, facing.NUMBER] % 4.0 == number)
+            face = face[np.argsort(constants[face, facing.START])]
+            beside[face[1:], 0], beside[face[:-1], 1] = face[:-1], face[1:]
+            if pair.against.plan.closed and len(face):
+                beside[face[0], 0], beside[face[-1], 1] = face[-1], face[0]
+        out.append(first + beside)
+        first += len(constants)
+    return np.concatenate([np.zeros((0, 2), dtype=np.int64), *out])
+
+
 def facing_table(patches: Sequence[Any]) -> Facing:
     """Return the table of the point laws that touch bodies among the patches of a model, in their order."""
     ways: list[BodyPair] = []
@@ -352,6 +369,6 @@ def facing_table(patches: Sequence[Any]) -> Facing:
     return Facing(whole(item), whole(way), whole(own, (2,)), whole(np.cumsum([0, *(len(pair.arms) for pair in ways)])),
                   whole(np.cumsum([0, *counts])),
                   whole(np.cumsum([0, *trees])), np.array([c.constants for c in curves]).reshape(-1, facing.CURVE_SIZE),
-                  whole([(len(c.p0), len(c.dofs)) for c in curves], (2,)), whole(before, (3,)),
-                  joined([c.dofs for c in curves], np.int64), joined([c.G for c in curves]), p0, np.zeros_like(p0),
-                  np.zeros((len(curves), 5)), np.zeros((sum(trees), 8)))
+                  whole(_curves_beside(ways), (2,)), whole([(len(c.p0), len(c.dofs)) for c in curves], (2,)),
+                  whole(before, (3,)), joined([c.dofs for c in curves], np.int64), joined([c.G for c in curves]), p0,
+                  np.zeros_like(p0), np.zeros((len(curves), 5)), np.zeros((sum(trees), 8)))

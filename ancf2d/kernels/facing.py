@@ -122,15 +122,12 @@ def _may_touch(par, other, s, nx, ny, tx, ty):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _place_beyond(table, arm, c, found, x, y, cx, cy, bx, by, none):  # type: ignore[no-untyped-def]
+def _place_beyond(table, c, found, x, y, cx, cy, bx, by, none):  # type: ignore[no-untyped-def]
     """Return where (x, y) is beyond the end ``found`` of curve c, at (cx, cy) with the derivative (bx, by): AT_END,
     opposite to the curve that continues it (ON_NEXT), or IN_GAP between both, outside of a blunt corner.
     """
-    first, n = table.first[arm], table.first[arm + 1] - table.first[arm]
-    # first the curves of each face, then the ends
-    n -= 2 if table.curve[first + n - 1, SPAN] == 0.0 else 0
-    n, step = n // 2, 1 if found == AT_LAST else -1
-    k = first + (c - first) // n * n + ((c - first) % n + step) % n
+    step = 1 if found == AT_LAST else -1
+    k = table.beside[c, (step + 1) // 2]
     px, py, tx, ty, _, _ = _trace_at(table.curve[k], table.now[table.at[k, 2]:], none, -1.0 * step)
     if step * ((x - px) * tx + (y - py) * ty) > 0.0:
         return ON_NEXT
@@ -138,7 +135,7 @@ def _place_beyond(table, arm, c, found, x, y, cx, cy, bx, by, none):  # type: ig
 
 
 @inner
-def _try_curve(table, arm, c, par, other, none, x, y, tx, ty, z, best):  # type: ignore[no-untyped-def]
+def _try_curve(table, c, par, other, none, x, y, tx, ty, z, best):  # type: ignore[no-untyped-def]
     """Replace ``best`` by the foot point on curve c if it is nearer and may touch; return whether it was replaced.
 
     z : where Newton's method starts.
@@ -174,11 +171,12 @@ def _try_curve(table, arm, c, par, other, none, x, y, tx, ty, z, best):  # type:
         return False
     fades = other[FADE] > 0.0 and other[BOTH_SIDES] == 0.0
     depth = math.sqrt(D)
-    if fades and inside and found != WITHIN:
-        beyond = _place_beyond(table, arm, c, found, x, y, cx, cy, bx, by, none)
+    if inside and found != WITHIN and other[BOTH_SIDES] == 0.0 and not _is_past_end(other, found):
+        beyond = _place_beyond(table, c, found, x, y, cx, cy, bx, by, none)
         if beyond == ON_NEXT:
+            # even if the surface ends before it comes opposite to the point
             return False
-        if beyond == IN_GAP:
+        if beyond == IN_GAP and fades:
             # the faces of both arms extend into it
             z, found, depth = foot, WITHIN, -nx * rx - ny * ry
     if not _may_touch(par, other, other[START] + 0.5 * (z + 1.0) * other[SPAN], nx, ny, tx, ty):
@@ -209,7 +207,7 @@ def _nearest(table, way, par, x, y, tx, ty, best, room, none, waiting):  # type:
             if c < last - ends:
                 # any of the faces, which come before the ends
                 c = _nearest_in_tree(table, arm, last - ends, par, x, y, tx, ty, best, room, none, waiting)
-            elif not _is_nearer(table, arm, c, par, x, y, tx, ty, best, room, none):
+            elif not _is_nearer(table, c, par, x, y, tx, ty, best, room, none):
                 c = -1
             if c >= 0 and (best[6] > (1.0 + SAME_ENERGY) * most
                            or (best[0] < D and best[6] >= (1.0 - SAME_ENERGY) * most)):
@@ -236,7 +234,7 @@ def _nearest_in_tree(table, arm, end, par, x, y, tx, ty, best, room, none, waiti
             continue
         if k >= n - 1:
             c = first + k - (n - 1)
-            if c < end and _is_nearer(table, arm, c, par, x, y, tx, ty, best, room, none):
+            if c < end and _is_nearer(table, c, par, x, y, tx, ty, best, room, none):
                 found = c
             continue
         one, two = 2 * k + 1, 2 * k + 2
@@ -249,7 +247,7 @@ def _nearest_in_tree(table, arm, end, par, x, y, tx, ty, best, room, none, waiti
 
 
 @inner
-def _is_nearer(table, arm, c, par, x, y, tx, ty, best, room, none):  # type: ignore[no-untyped-def]
+def _is_nearer(table, c, par, x, y, tx, ty, best, room, none):  # type: ignore[no-untyped-def]
     """Return whether a point may touch curve c and is nearer to it than to the one in ``best``, which it replaces."""
     z, least = nearest_on_chord(table.chords[c], x, y)
     if least * least >= min(best[0], best[5]) or not _can_touch(par, room, table.curve[c], table.chords[c], tx, ty):
@@ -257,7 +255,7 @@ def _is_nearer(table, arm, c, par, x, y, tx, ty, best, room, none):  # type: ign
     copy(table.curve[c], room[:CURVE_SIZE])
     if room[BOTH_SIDES] > 0.0:
         room[SIGN] = best[3]
-    return _try_curve(table, arm, c, par, room, none, x, y, tx, ty, z, best)
+    return _try_curve(table, c, par, room, none, x, y, tx, ty, z, best)
 
 
 @inner

@@ -12,6 +12,7 @@ from motions import rigid
 
 import ancf2d
 from ancf2d.errors import CaseError, ComputationError
+from ancf2d.model.determinacy import rigid_motion
 from ancf2d.solvers.contact import contact_report, touches
 from ancf2d.solvers.fields import FieldReader
 from ancf2d.solvers.motion.integrators import method_problems
@@ -45,7 +46,6 @@ def check_balance(solution: Any) -> None:
     for pair, table in zip(model.contacts, model.contact_tables, strict=True):
         points, _ = table.updated(d, 1.0)
         from ancf2d.kernels.points import point_matrices
-        from ancf2d.model.determinacy import rigid_motion
 
         m = len(points.forces)
         dofs = points.dofs.reshape(m, -1)
@@ -259,6 +259,25 @@ def test_rotated_and_shifted_bodies_behave_the_same(law):
         np.testing.assert_allclose(moved.u(at), turn @ as_is.u(at), atol=1e-9)
     (one,), (two,) = (contact_report(s.model, s.state) for s in (as_is, moved))
     np.testing.assert_allclose(two["force"], turn @ one["force"], atol=1e-4)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_points_beyond_the_end_of_a_body_touch_none_of_its_elements(law):
+    """Neither its last element nor the ends of those before it, even if these are shorter than the body is high."""
+    model = helpers.build({"upper": beam([0.0, 0.02], [0.808, 0.02], "reissner2", 200),
+                           "lower": beam([0.0, 0.0], [0.8, 0.0], "reissner2", 160)},
+                          bc=clamps("upper@0", "lower@0"), contacts=[{**ON, **LAWS[law]}])
+    table = next(t for t in model.contact_tables if t.pair.body == "upper")
+    pair, d = table.pair, np.zeros(len(model.numbering.place))
+    own = np.unique(pair.mesh.dofs)
+    d[own] = -1e-6 * rigid_motion(pair.mesh, own, model.e0, np.zeros(2))[:, 1]
+    gaps, places = table.gaps(d, 1.0)[0], pair.places(d)[:, 0]
+    beyond = places > 0.8
+    assert beyond.any()
+    assert not (gaps[beyond] < 0.0).any()
+    if law == "law":
+        lower_face = np.array([p.eta == -1.0 and abs(p.z) < 1.0 for p in pair.spots])
+        assert gaps[lower_face & ~beyond] == pytest.approx(-1e-6, rel=1e-6)
 
 
 def test_points_share_the_coordinates_of_the_body_that_they_may_reach() -> None:
