@@ -258,9 +258,10 @@ class CompliantContact:
         return Items(self.law, p.dofs, p.G, p.p0, p.par, p.mem, p.signal, p.fed, restitution=math.nan, runs=p.runs,
                      stays=not p.on_bodies)
 
-    def keep_in(self, par: Array, mem: Array) -> None:
-        """Use rows of a table as constants and memory."""
-        self.pair.par, self.pair.mem = par, mem
+    def keep_in(self, par: Array, mem: Array, at: int) -> None:
+        """Use rows of tables, from ``at`` on, as constants and memory."""
+        rows = slice(at, at + len(self.pair.mem))
+        self.pair.par, self.pair.mem = par[rows], mem[rows]
 
     def tighten(self, share: float) -> None:
         """Do nothing: bodies that overlap in the reference press with their full force at once."""
@@ -274,7 +275,8 @@ class ContactPoint(PointConstraint):
         self.beam = pair.beam_at(i) if pair.places_move else None
         self.G = np.vstack([pair.G[i], np.zeros(pair.G.shape[2])])
         self.p0 = np.append(pair.p0[i], 0.0)
-        self.par, self.mem, self.dofs = pair.par[i], pair.mem[i], pair.all_coordinates[i]
+        self.keep_in(pair.par, pair.mem, i)
+        self.dofs = pair.all_coordinates[i]
         self.signal, self.fed, self.sections, self.facing = pair.signal, pair.fed, (), None  # type: ignore[assignment]
         self.symmetric = pair.item.friction == 0.0
         self.owner, self.holds, self.scale = pair.name, f"contact at S = {pair.s[i]:.4g}", pair.scale
@@ -297,8 +299,15 @@ class ContactPoint(PointConstraint):
         return super().items()._replace(restitution=self.pair.item.restitution or 0.0,
                                         stays=not self.pair.on_bodies and self.beam is None)
 
-    def keep_in(self, par: Array, mem: Array) -> None:
-        """Use rows of a table as constants and memory."""
-        self.par, self.mem = par, mem
+    def keep_in(self, par: Array, mem: Array, at: int) -> None:
+        """Use row ``at`` of tables as constants and memory."""
+        super().keep_in(par, mem, at)
+        self.table, self.row = mem, at
 
 
+def memory_of(points: Sequence[ContactPoint]) -> Array:
+    """Return the history variables of points (m, .): rows of the table that contains them, or a copy of these."""
+    first, last = points[0], points[-1]
+    if first.table is last.table and last.row - first.row == len(points) - 1:
+        return first.table[first.row:last.row + 1]
+    return np.array([p.mem for p in points])

@@ -169,8 +169,7 @@ def _try_curve(table, c, par, other, none, x, y, tx, ty, z, best):  # type: igno
         return False
     if inside and other[DEEPEST]**2 < D:
         return False
-    fades = other[FADE] > 0.0 and other[BOTH_SIDES] == 0.0
-    depth = math.sqrt(D)
+    fades, depth = other[FADE] > 0.0 and other[BOTH_SIDES] == 0.0, math.sqrt(D)
     if inside and found != WITHIN and other[BOTH_SIDES] == 0.0 and not _is_past_end(other, found):
         beyond = _place_beyond(table, c, found, x, y, cx, cy, bx, by, none)
         if beyond == ON_NEXT:

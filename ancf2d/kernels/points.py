@@ -272,8 +272,8 @@ def stiffness_of(points, i, H, C, h, c, symmetric, row, K):  # type: ignore[no-u
 def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore[no-untyped-def]
     """Fill energies (n,), forces Q (n, k), stiffness K and damping C (n, k, k) of items with k coordinates each.
 
-    K and C are skipped if their size is 0. ``linear``: fields prescribed by a signal enter to first order only, as in
-    linear theory about the reference.
+    C, or both, are left out if their size is 0. ``linear``: fields prescribed by a signal enter to first order only, as
+    in linear theory about the reference.
     """
     u, w, a, f, H, D = work_arrays(points)
     row = vector(len(f))
@@ -282,7 +282,9 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
         if points.multiplier[i] < 0 and is_inactive(points, i):
             energy[i], Q[i] = 0.0, 0.0
             if len(K) > 0:
-                K[i], C[i] = 0.0, 0.0
+                K[i] = 0.0
+            if len(C) > 0:
+                C[i] = 0.0
             continue
         fields_of_item(points, i, d, u)
         rates_of_item(points, i, v, w)
@@ -304,7 +306,8 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
         if len(K) == 0:
             continue
         stiffness_of(points, i, H, D, 1.0, 0.0, False, row, K[i])
-        stiffness_of(points, i, H, D, 0.0, 1.0, False, row, C[i])
+        if len(C) > 0:
+            stiffness_of(points, i, H, D, 0.0, 1.0, False, row, C[i])
 
 
 @kernel

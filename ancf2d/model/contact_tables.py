@@ -32,7 +32,7 @@ from ..elements.contact_sliding import at_corner
 from ..elements.shape import Array
 from ..interactions.beam_curves import BeamCurves
 from ..interactions.body_contact import BodyPair, facing_table
-from ..interactions.contact import CompliantContact, ContactPair, ContactPoint, movable_by_element
+from ..interactions.contact import CompliantContact, ContactPair, ContactPoint, memory_of, movable_by_element
 from ..kernels.curves import point_accept
 from ..kernels.lowlevel.records import Record
 from .mesh import Index
@@ -62,10 +62,14 @@ class ContactTable:
         # gaps of fixed points where a motion starts, if negative
         self.initial_gaps = np.zeros(len(self.points))
 
+    @property
+    def memory(self) -> Array:
+        """The current history variables of the points (m, size)."""
+        return (memory_of(self.points) if self.points else self.pair.mem)[:, :self.size]
+
     def updated(self, d: Array, t: float) -> tuple[Record, Array]:
         """Return the table, updated to the state d (n_full,), and the amplitudes at t."""
-        mem = [p.mem[:self.size] for p in self.points] if self.points else self.pair.mem[:, :self.size]
-        self.table.mem[:, :self.size] = mem
+        self.table.mem[:, :self.size] = self.memory
         amps = np.array([(s(t), *rates_of(s, t)) for s in self.signals]).reshape(-1, 3)
         self.update_curves(d)
         return self.table, amps
@@ -81,8 +85,7 @@ class ContactTable:
 
         table, amps = self.updated(d, t)
         friction, m = table.par[:, FRICTION].copy(), len(table.forces)
-        if not with_friction:
-            table.par[:, FRICTION] = 0.0
+        table.par[:, FRICTION] *= with_friction
         coords: Index = table.dofs.reshape(m, -1)
         n = coords.shape[1]
         energy, Q, (K, C) = np.zeros(m), np.zeros((m, n)), np.zeros((2, m if stiff else 0, n, n))
@@ -102,7 +105,7 @@ class ContactTable:
             return SLIDING
         return ON_ELEMENT if point.mem[PLACEMENT] in (ON_ELEMENT, UNUSED_ON_ELEMENT) else ON_BEAM
 
-    @property
+    @cached_property
     def free(self) -> Any:
         """Which points may move along their element (m,)."""
         return np.array([p.free for p in self.pair.spots])
@@ -217,8 +220,7 @@ class ContactTable:
         from ..kernels.contact import deepest
 
         table, amps = self.updated(d, t)
-        n = len(table.forces)
-        depth, place, feature = np.zeros(n), np.zeros(n), np.zeros(n)
+        depth, place, feature = np.zeros((3, len(table.forces)))
         deepest(table, self.first_free, d, amps, depth, place, feature)
         return depth, place, feature
 
@@ -260,7 +262,7 @@ class ContactTable:
         m, unit = len(table.forces), d.copy()
         unit[table.dofs.reshape(m, -1)[:, -1]] = multiplier
         n = table.dofs.size // m
-        energy, Q, K, C = np.zeros(m), np.zeros((m, n)), np.zeros((m, n, n)), np.zeros((m, n, n))
+        energy, Q, (K, C) = np.zeros(m), np.zeros((m, n)), np.zeros((2, 0, n, n))
         kept = table.par[:, [FRICTION, BENDING, SHEAR]]
         table.par[:, [FRICTION, BENDING, SHEAR]] = friction, 0.0, 0.0
         point_matrices(table, unit, np.zeros_like(d), amps, False, energy, Q, K, C)

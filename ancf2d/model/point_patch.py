@@ -146,9 +146,9 @@ class PointPatch:
         return Items(self.law, self.coordinates[None], self.rows[None], self.p0[None], self.par[None], self.mem[None],
                      self.signal, self.fed, self.multiplier, self.scale)
 
-    def keep_in(self, par: Array, mem: Array) -> None:
-        """Replace ``par`` and ``mem`` by rows of a table."""
-        self.par, self.mem = par, mem
+    def keep_in(self, par: Array, mem: Array, at: int) -> None:
+        """Replace ``par`` and ``mem`` by row ``at`` of tables."""
+        self.par, self.mem = par[at], mem[at]
 
     def forces(self, u: Array, t: float, rates: Array | None = None) -> tuple[Array, Array, Array]:
         """Return f, H and C at fields p0 + u (m,) and their rates (default 0); set the prescribed field in ``u``."""

@@ -143,10 +143,9 @@ class Batch:
         for patch in patches:
             count = len(patch.items().p0)
             if isinstance(patch, PointPatch):
-                patch.keep_in(self.table.par[at], self.table.mem[at])
                 self.timed += [(at, patch.active)] if patch.active is not None else []
-            elif isinstance(patch, CompliantContact):
-                patch.keep_in(self.table.par[at:at + count], self.table.mem[at:at + count])
+            if isinstance(patch, PointPatch | CompliantContact):
+                patch.keep_in(self.table.par, self.table.mem, at)
             at += count
         n = self.dofs.shape[1]
         self._energy, self._shape = np.zeros(m), (m, n, n)
@@ -186,28 +185,38 @@ class Batch:
 
         ``linear``: constraints are linearised about the reference.
         """
-        Q, K, C = np.empty(self._shape[:2]), np.empty(self._shape), np.empty(self._shape)
-        self._fill(d, t, linear, np.zeros_like(d) if v is None else v, Q, K, C)
+        C = np.empty(self._shape)
+        Q, K = self._fill(d, t, linear, v, C)
         return float(self._energy.sum()), Q, K, C
 
-    def _fill(self, d: Array, t: float, linear: bool, v: Array, Q: Array, K: Array, C: Array) -> None:
-        """Fill the energies and the arrays that ``matrices`` returns; empty K and C are left out."""
+    def _fill(self, d: Array, t: float, linear: bool, v: Array | None, C: Array, stiff: bool = True
+              ) -> tuple[Array, Array]:
+        """Fill the energies and C, and return the forces and stiffnesses of ``matrices``; an empty C is left out, and
+        all matrices unless ``stiff``.
+        """
+        Q, K = np.empty(self._shape[:2]), np.empty(self._shape) if stiff else C
         for k, active in self.timed:
             self.table.on[k] = active.at(t)
         # the equations of inactive multipliers have another sign, which would change the inertia of tangents
         self.turn_to(d, np.inf if self.constrains else IN_RANGE_OR_BESIDE)
-        point_matrices(self.table, d, v, self.amplitudes(t, self.by_rate), linear, self._energy, Q, K, C)
+        point_matrices(self.table, d, np.zeros_like(d) if v is None else v, self.amplitudes(t, self.by_rate), linear,
+                       self._energy, Q, K, C)
+        return Q, K
+
+    @property
+    def _nothing(self) -> Array:
+        return np.empty((0, *self._shape[1:]))
 
     def energies(self, d: Array, t: float) -> tuple[float, float]:
         """Return the energies at d (n_full,) without rates; see ``Interactions.energies``."""
-        nothing = np.empty((0, *self._shape[1:]))
-        self._fill(d, t, False, np.zeros_like(d), np.empty(self._shape[:2]), nothing, nothing)
+        self._fill(d, t, False, None, self._nothing, stiff=False)
         contact = (self.table.restitution != -1.0) & (self.table.fed[:, 0] < 0)
         return float(self._energy.sum()), float(self._energy[~contact].sum())
 
-    def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
-        """Return energy, forces (m, n) and stiffness (m, n, n) at d (n_full,) without rates."""
-        return self.matrices(d, t)[:3]
+    def evaluate(self, e: Array, d: Array, t: float, linear: bool = False) -> tuple[float, Array, Array]:
+        """Return energy, forces (m, n) and stiffness (m, n, n) at d (n_full,) without rates, as ``matrices`` does."""
+        Q, K = self._fill(d, t, linear, None, self._nothing)
+        return float(self._energy.sum()), Q, K
 
 
 def batches(patches: Iterable[Any]) -> list[Any]:
@@ -291,8 +300,7 @@ class Interactions:
     def constraints(self, d: Array, t: float, linear: bool = False) -> Iterator[Evaluated]:
         """Yield energy (0), Q, K and coordinates of constraints, the multiplier last; arguments as of ``patches``."""
         for batch in self.point_constraints:
-            _, Q, K, _ = batch.matrices(d, t, linear)
-            yield 0.0, Q, K, batch.dofs
+            yield 0.0, *batch.evaluate(self.e0, d, t, linear)[1:], batch.dofs
         for i, joint in enumerate(self.joints):
             n = joint.touched + 1
             self.sliding.on[i] = joint.active is None or joint.active.at(t)

@@ -203,32 +203,33 @@ def _candidates(one: ContactTable, d: Array, t: float, depths: tuple[Array, Arra
     free, closed = one.free, closed_points(one)
     _, faces = one.gaps(d, t)
     dofs, rows, gap = one.gradients(d, t)
-    slip_gradients, slips = _slips(one, d, t, accepted)
+    known = np.flatnonzero(closed | (~free & faces)).tolist()
+    slip_gradients, slips = _slips(one, d, t, accepted, known)
     out = [Candidate(one, k, bool(closed[k]), dofs[k], rows[k], float(gap[k]), slip_gradient=slip_gradients[k],
-                     slip=slips[k]) for k in np.flatnonzero(closed | (~free & faces)).tolist()]
+                     slip=slip) for k, slip in zip(known, slips, strict=True)]
     if fixed_only:
         return out
     new = {k: (float(place[k]), float(feature[k])) for k in np.flatnonzero(free & (depth > 0.0)).tolist()
            if not _in_use(one, k, place[k], feature[k])}
     dofs, rows, gap = one.gradients(d, t, new)
-    slip_gradients, slips = _slips(one, d, t, accepted, new)
-    return out + [Candidate(one, k, False, dofs[k], rows[k], float(gap[k]), *new[k], slip_gradients[k], slips[k])
-                  for k in new]
+    slip_gradients, slips = _slips(one, d, t, accepted, list(new), new)
+    return out + [Candidate(one, k, False, dofs[k], rows[k], float(gap[k]), *new[k], slip_gradients[k], slip)
+                  for k, slip in zip(new, slips, strict=True)]
 
 
-def _slips(one: ContactTable, d: Array, t: float, accepted: tuple[Array, float],
-           at: dict[int, tuple[float, float]] | None = None) -> tuple[Any, Any]:
-    """Return the gradients of the points' places on the obstacle, and their slips.
+def _slips(one: ContactTable, d: Array, t: float, accepted: tuple[Array, float], some: list[int],
+           at: dict[int, tuple[float, float]] | None = None) -> tuple[Any, list[float]]:
+    """Return the gradients of the places of all points on the obstacle, and the slips of some of them.
 
     The slip is that since the accepted state or, for closed points, from their anchor. Without friction, gradients are
     None and slips 0.
     """
-    m = len(one.points)
-    if not one.pair.item.friction:
-        return [None] * m, [0.0] * m
+    if not one.pair.item.friction or not some:
+        return [None] * len(one.points), [0.0] * len(some)
     now, before = one.gaps_and_places(d, t, at)[1], one.gaps_and_places(*accepted, at)[1]
-    start = [one.anchor(k) if p.mem[STATUS] > 0.0 else before[k] for k, p in enumerate(one.points)]
-    slips = [0.0 if np.isnan(place).any() else one.slip(k, now[k], place) for k, place in enumerate(start)]
+    start = [one.anchor(k) if one.points[k].mem[STATUS] > 0.0 else before[k] for k in some]
+    slips = [0.0 if np.isnan(place).any() else one.slip(k, now[k], place)
+             for k, place in zip(some, start, strict=True)]
     return one.slip_gradients(d, t, at), slips
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def memory(model: Model) -> list[Array]:
     """Return a copy of the history variables of all contact points."""
-    return [np.array([row[:one.size] for row in _memory_views(one)]) for one in model.contact_tables]
+    return [one.memory.copy() for one in model.contact_tables]
 
 
 def restore_memory(model: Model, saved: list[Array], slide: bool = False) -> None:
@@ -40,9 +40,11 @@ def force_at_fixed_place(model: Model) -> bool:
 
     Such places are where a body penetrates most: on another body, and inside a contact zone.
     """
-    return any(mem[STATUS] > 0.0 and (mem[PLACEMENT] == ON_ELEMENT
-                                      or (mem[PLACEMENT] == ON_BEAM and not one.pair.places_move))
-               for one in model.contact_tables if one.pair.hard for mem in _memory_views(one))
+    for one in model.contact_tables:
+        place, fixed = one.memory[:, PLACEMENT], [ON_ELEMENT] if one.pair.places_move else [ON_ELEMENT, ON_BEAM]
+        if one.pair.hard and ((one.memory[:, STATUS] > 0.0) & np.isin(place, fixed)).any():
+            return True
+    return False
 
 
 def _memory_views(one: ContactTable) -> list[Array]:

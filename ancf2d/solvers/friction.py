@@ -52,7 +52,7 @@ def wrong_states(one: ContactTable, d: Array, t: float) -> dict[int, float]:
     """Return the closed points that stick beyond their limit at an equilibrium d (n_full,), or slide with their
     friction force, and their right friction state."""
     now = one.gaps_and_places(d, t)[1]
-    closed = [k for k, p in enumerate(one.points) if p.mem[STATUS] > 0.0]
+    closed = np.flatnonzero(one.memory[:, STATUS] > 0.0).tolist()
     largest = max((_coulomb_limit(one.points[k], d) for k in closed), default=0.0)
     out: dict[int, float] = {}
     for k in closed:
@@ -74,7 +74,8 @@ def set_friction_states(one: ContactTable, to: dict[int, float]) -> int:
 
 
 def _sliding(one: ContactTable) -> list[int]:
-    return [k for k, p in enumerate(one.points) if p.mem[STATUS] > 0.0 and p.mem[SLIP_STATUS] != STICKS]
+    mem = one.memory
+    return np.flatnonzero((mem[:, STATUS] > 0.0) & (mem[:, SLIP_STATUS] != STICKS)).tolist()
 
 
 def _stick(one: ContactTable, k: int, now: Any, d: Array) -> None:

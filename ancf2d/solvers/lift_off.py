@@ -114,7 +114,7 @@ def open_point(point: ContactPoint, d: Array) -> None:
 
 def closed_points(one: ContactTable) -> Any:
     """Return which points of a contact are closed (m,)."""
-    return np.array([p.mem[STATUS] > 0.0 for p in one.points])
+    return one.memory[:, STATUS] > 0.0
 
 
 def choose_curves(one: ContactTable, history: PlaceHistory) -> int:
