@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import ON_BEAM, ON_ELEMENT, PLACEMENT, SLIDING, STATUS
+from ..elements.contact_geometry import ON_BEAM, ON_ELEMENT, PLACEMENT, SLIDING, STATUS, STICK, STIFFNESS
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
@@ -33,6 +35,20 @@ def restore_memory(model: Model, saved: list[Array], slide: bool = False) -> Non
             own[:len(row)] = row
             if slide and one.pair.places_move and own[PLACEMENT] == ON_BEAM:
                 own[PLACEMENT] = SLIDING
+
+
+@contextmanager
+def softer_layers(model: Model, share: float) -> Iterator[None]:
+    """Make contact layers softer within a block: their stiffness, and that of their friction, is a share of it."""
+    layers = [pair for pair in model.contacts if not pair.hard]
+    kept = [pair.par[:, [STIFFNESS, STICK]].copy() for pair in layers]
+    try:
+        for pair, stiffness in zip(layers, kept, strict=True):
+            pair.par[:, [STIFFNESS, STICK]] = share * stiffness
+        yield
+    finally:
+        for pair, stiffness in zip(layers, kept, strict=True):
+            pair.par[:, [STIFFNESS, STICK]] = stiffness
 
 
 def force_at_fixed_place(model: Model) -> bool:

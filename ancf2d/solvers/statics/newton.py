@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -23,13 +24,14 @@ from ..active_set import (
     not_found,
     update_active_set,
 )
-from ..contact import check_crossed, check_pressed_through, memory, restore_memory
+from ..contact import check_crossed, check_pressed_through, memory, restore_memory, softer_layers
 from ..friction import stick_least_slipping
 from ..least_motion import STILL, UNIT_ROUNDOFF, sticks
 from ..lift_off import PlaceHistory
 from ..long_vectors import chunks, largest
 from ..state import Graded, State
 from ..system import Balance, System
+from .layer_increments import LayerIncrements
 
 TOLERANCE = 1e-9
 MAX_ITERATIONS = 30
@@ -43,8 +45,10 @@ POOR = 1e-6
 FLOOR = 4.0
 # an equilibrium farther from a guess than this share of the guess may be on another branch
 NEAR = 0.5
-# number of increments that need not decrease before they count as a cycle
-CYCLE = 4
+# largest ratio of successive increments at which their sum is taken as converging
+SLOWEST = 0.9
+# stiffness of contact layers, relative to their own, in the solutions that lead to one that fails at once
+SOFTER = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 
 
 @dataclass
@@ -75,7 +79,7 @@ def newton(system: System, d: Array, t_old: float | None, t: float, tolerance: f
     Contact points are opened and closed between equilibria until none changes. Raises ComputationError.
     """
     if not any(pair.hard for pair in system.model.contacts):
-        result = _newton(system, d, t_old, t, tolerance, max_iterations)
+        result = _solved(system, d, t_old, t, tolerance, max_iterations)
         check_pressed_through(system.model, result.d, {"factor": float(f"{t:.6g}")})
         return result
     kept = memory(system.model)
@@ -97,12 +101,30 @@ def newton(system: System, d: Array, t_old: float | None, t: float, tolerance: f
         raise
 
 
+def _solved(system: System, d: Array, t_old: float | None, t: float, tolerance: float, max_iterations: int
+            ) -> NewtonResult:
+    """Return the equilibrium as ``_newton`` does; if there are layers and it fails, by way of softer layers."""
+    start = d.copy()
+    try:
+        return _newton(system, d, t_old, t, tolerance, max_iterations)
+    except SingularTangentError:
+        raise
+    except ComputationError:
+        if all(pair.hard for pair in system.model.contacts):
+            raise
+    for share in SOFTER:
+        with softer_layers(system.model, share):
+            start = _newton(system, start, t_old, t, tolerance, max_iterations).d
+        t_old = t
+    return _newton(system, start, t, t, tolerance, max_iterations)
+
+
 def _held(system: System, d: Array, t_old: float | None, t: float, tolerance: float, max_iterations: int
           ) -> NewtonResult:
-    """Return the equilibrium as ``_newton`` does; while sliding contacts leave the tangent singular, let one stick."""
+    """Return the equilibrium as ``_solved`` does; while sliding contacts leave the tangent singular, let one stick."""
     while True:
         try:
-            return _newton(system, d, t_old, t, tolerance, max_iterations)
+            return _solved(system, d, t_old, t, tolerance, max_iterations)
         except SingularTangentError:
             if not stick_least_slipping(system.model.contact_tables, d, t, system.accepted or (d, t)):
                 raise
@@ -133,18 +155,18 @@ def _newton(system: System, d: Array, t_old: float | None, t: float, tolerance: 
     decreasing while the residual is no more than round-off. Raises ComputationError if it does not converge.
     """
     num, z, first = system.model.numbering, np.empty(system.model.numbering.n_unknowns), None
-    at = {"factor": float(f"{t:.6g}")}
-    increments, residuals = list[float](), list[float]()
+    at, increments, residuals = {"factor": float(f"{t:.6g}")}, list[float](), list[float]()
+    layers = None if all(pair.hard for pair in system.model.contacts) else LayerIncrements(system)
     for iteration in range(1, max_iterations + 1):
         balance = moved_balance(system, d, t_old if iteration == 1 else None, t)
+        balance = layers.within(balance, d, t) if layers else balance
         residuals.append(largest(balance.R))
         if not np.isfinite(residuals[-1]):
             raise ComputationError("the forces are no longer finite", at=at, history=residuals)
         pivots = system.factor(at)
         if iteration == 1:
             system.check_tangent(d, t if t_old is None or not system.model.moves else t_old, pivots)
-        z = system.matrix.solve(balance.R, out=z)
-        np.negative(z, out=z)
+        z = np.negative(system.matrix.solve(balance.R, out=z), out=z)
         if iteration == 1:
             # multipliers change the tangent even if nothing moves
             presses, first = z[num.free >= num.n_q].any(), None if t_old is None else z.copy()
@@ -156,7 +178,7 @@ def _newton(system: System, d: Array, t_old: float | None, t: float, tolerance: 
         if stalled and (nothing or only_position_noise(system, increments) or at_floor(balance.R, system.noise(d, t))):
             uncertainty = min(increments[-2:])
             break
-        np.add(d[num.where], uncycled(z, increments, system.model), out=z)
+        np.add(d[num.where], layers.next(d[num.where], z, balance.R) if layers else z, out=z)
         system.model.displacements(z, t, out=d)
         # bodies that rest on obstacles may not move at all
         rests = bool(system.model.contacts) and nothing
@@ -209,20 +231,20 @@ def moved_balance(system: System, d: Array, t_old: float | None, t: float) -> Ba
 
 
 def has_converged(increments: list[float], size: float, tolerance: float) -> bool:
-    """Return whether the next increment, by the observed contraction, is below ``tolerance`` of the displacements."""
+    """Return whether the next increment, by the observed contraction, is below ``tolerance`` of the displacements.
+
+    Where increments decrease slowly, as friction on layers may cause, the sum of all that follow must be.
+    """
     last = increments[-1]
     if last == 0.0:
         return True
     if len(increments) < 2 or increments[-2] == 0.0:
         return False
     contraction = last / increments[-2]
-    return contraction < 0.5 and last * contraction <= tolerance * size
-
-
-def uncycled(z: Array, increments: list[float], model: Model) -> Array:
-    """Return an increment, halved if increments do not decrease because points enter and leave contact layers."""
-    cycles = len(increments) > CYCLE and increments[-1] >= min(increments[:-1])
-    return 0.5 * z if cycles and not all(pair.hard for pair in model.contacts) else z
+    if contraction < 0.5:
+        return last * contraction <= tolerance * size
+    slow = len(increments) > 3 and max(b / a for a, b in pairwise(increments[-4:]) if a > 0.0) < SLOWEST
+    return slow and last * contraction <= (1.0 - contraction) * tolerance * size
 
 
 def check_divergence(increments: list[float], extent: float, at: dict[str, Any], residuals: list[float]) -> None:
