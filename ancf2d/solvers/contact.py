@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import ON_BEAM, ON_ELEMENT, PLACEMENT, SLIDING, STATUS, STICK, STIFFNESS
+from ..elements.contact_geometry import (
+    ON_BEAM,
+    ON_ELEMENT,
+    PLACE,
+    PLACEMENT,
+    SLIDING,
+    SLIP_STATUS,
+    STATUS,
+    STICK,
+    STIFFNESS,
+)
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
@@ -17,6 +27,9 @@ from ..model.determinacy import rigid_motion
 from ..model.mesh import Index
 from ..model.model import Model
 from .active_set import PENETRATION
+
+# decimals of z to which places of points are the same
+SAME_PLACES = 7
 
 if TYPE_CHECKING:
     from ..model.contact_tables import ContactTable
@@ -35,6 +48,17 @@ def restore_memory(model: Model, saved: list[Array], slide: bool = False) -> Non
             own[:len(row)] = row
             if slide and one.pair.places_move and own[PLACEMENT] == ON_BEAM:
                 own[PLACEMENT] = SLIDING
+
+
+def pressing_points(model: Model) -> tuple[bytes, ...]:
+    """Return which contact points without a law press, where, and whether they stick or slide, for comparison."""
+    out = []
+    for one in (one for one in model.contact_tables if one.pair.hard):
+        closed = one.memory[:, STATUS] > 0.0
+        place = np.where(one.free, one.memory[:, PLACE].round(SAME_PLACES), 0.0)
+        out += [closed.tobytes(), np.where(closed, one.memory[:, [SLIP_STATUS]].T, 0.0).tobytes(),
+                np.where(closed, place, 0.0).tobytes()]
+    return tuple(out)
 
 
 @contextmanager

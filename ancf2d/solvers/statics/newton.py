@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -24,7 +25,7 @@ from ..active_set import (
     not_found,
     update_active_set,
 )
-from ..contact import check_crossed, check_pressed_through, memory, restore_memory, softer_layers
+from ..contact import check_crossed, check_pressed_through, memory, pressing_points, restore_memory, softer_layers
 from ..friction import stick_least_slipping
 from ..least_motion import STILL, UNIT_ROUNDOFF, sticks
 from ..lift_off import PlaceHistory
@@ -47,6 +48,8 @@ FLOOR = 4.0
 NEAR = 0.5
 # largest ratio of successive increments at which their sum is taken as converging
 SLOWEST = 0.9
+# number of times that the same points may press, at the same places, on the way to one equilibrium
+VISITS = 8
 # stiffness of contact layers, relative to their own, in the solutions that lead to one that fails at once
 SOFTER = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 
@@ -133,7 +136,7 @@ def _held(system: System, d: Array, t_old: float | None, t: float, tolerance: fl
 def _settled(system: System, result: NewtonResult, t: float, tolerance: float, max_iterations: int, strategy: Strategy
              ) -> NewtonResult:
     """Return the equilibrium at which no contact point opens, closes, sticks or slides any more, from a first one."""
-    history = PlaceHistory()
+    history, visits = PlaceHistory(), Counter[tuple[bytes, ...]]()
     iterations, worst = 0, 0.0
     for _ in range(ROUNDS):
         iterations += result.iterations
@@ -142,6 +145,9 @@ def _settled(system: System, result: NewtonResult, t: float, tolerance: float, m
             result.iterations, result.overlap = iterations, worst
             check_pressed_through(system.model, result.d, {"factor": float(f"{t:.6g}")})
             return result
+        visits[pressing := pressing_points(system.model)] += 1
+        if visits[pressing] > VISITS:
+            break
         result = _held(system, result.d, t, t, tolerance, max_iterations)
     raise not_found(t, worst)
 
