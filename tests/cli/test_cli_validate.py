@@ -30,6 +30,18 @@ def test_validate_prints_problems_to_stderr_and_ok_per_valid_case_to_stdout(call
     assert sorted(os.listdir(folder)) == ["beam.yaml", "loose.yaml", "wrong.yaml"]
 
 
+def test_validate_warns_of_a_restitution_without_impacts(call: Call, call_json: CallJson, folder: Path) -> None:
+    floor = "obstacles: {floor: {type: half_plane, through: [0, -1], normal: [0, 1]}}\n"
+    touch = "contacts: [{between: [beam, floor], restitution: 0.5}]\n"
+    (folder / "touch.yaml").write_text(BEAM.replace("linear_static", "static") + floor + touch)
+    said = "contacts.0.restitution: solver static computes no impacts, so it has no effect"
+    assert call_json("validate", "touch.yaml", "--json")["cases"][0]["warnings"] == [said]
+    assert f"warning: {said}" in call("run", "touch.yaml").stderr
+    motion = ("--set", "solver={type: dynamic, t_end: 1}", "--set", "goal=null", "--set", "bodies.beam.section.rhoA=1",
+              "--set", "expected=null")
+    assert call_json("validate", "touch.yaml", "--json", *motion)["cases"][0]["warnings"] == []
+
+
 def test_validate_json_lists_the_problems_of_every_case(call_json: CallJson, folder: Path) -> None:
     (folder / "wrong.yaml").write_text(BEAM.replace("EI: 1.0e3", "EI: -1"))
     found = call_json("validate", "beam.yaml", "wrong.yaml", "none.yaml", "--json")
