@@ -37,7 +37,7 @@ from .own_element import own_element, undetermined
 from .profiles import VaryingSection, load_breaks, profile_breaks
 from .section import is_axis_type, resolve_section, rigid_section, with_memory
 
-MAX_BODIES = 1000  # checking this many for free motions takes a minute
+MAX_BODIES = 1000  # finding the free motions of this many takes a minute
 SHORT = 0.1  # approximate turn of one element of a rigid curved body [rad]
 WIDE = 1.0  # angle of an arc [rad] that is too wide for one element
 MAX_COORDINATES = 32_000_000  # of all bodies together: a million elements of most types fit
