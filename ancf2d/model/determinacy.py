@@ -136,7 +136,7 @@ def _describe(meshes: list[BodyMesh], motion: Array, centres: list[Array], sizes
 def _full_rank(A: Array) -> bool:
     """Return whether a sparse factorisation shows quickly that A (m, n) has no null space, which it may have otherwise.
 
-    The smallest singular value by inverse iteration: [a I, A; A^T, 0] [r; x] = [0; -b] gives x = a (A^T A)^-1 b (Bjorck,
+    Smallest singular value by inverse iteration: [a I, A; A^T, 0] [r; x] = [0; -b] gives x = a (A^T A)^-1 b (Bjorck,
     Numerical Methods for Least Squares Problems, 1996, section 2.5).
     """
     from scipy.sparse import block_array, csc_array, eye_array
