@@ -23,6 +23,7 @@ from ..case import (
     Polyline,
     Selective,
 )
+from ..case.binder import dotted
 from ..case.schema.points import named_points
 from ..elements import registry
 from ..elements.definition import ElementType, derivative_order
@@ -312,8 +313,9 @@ def plan_bodies(loaded: LoadedCase, moving: bool = False, known: Mapping[str, Bo
             problems.append(loaded.source.problem(("bodies", name, "geometry", *error.key),
                                                   f"bodies.{name}.geometry: {error}", expected=error.expected or None))
         except PartError as error:
-            path = ("bodies", name, *error.key)
-            problems.append(loaded.source.problem(path, str(error), expected=error.expected or None))
+            path, text = ("bodies", name, *error.key), str(error)
+            text = text if f"bodies.{name}" in text else f"{dotted(path)}: {text}"
+            problems.append(loaded.source.problem(path, text, expected=error.expected or None))
         except CaseError as error:
             problems.extend(error.problems)
     count = sum(p.coordinates for p in plans.values())

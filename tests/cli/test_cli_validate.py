@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
 from click.testing import Result
 from commandline import BEAM
 
@@ -52,10 +51,11 @@ def test_validate_json_lists_the_problems_of_every_case(call_json: CallJson, fol
     assert call_json("validate", "beam.yaml", "--json")["status"] == "ok"
 
 
-def test_validate_reports_solver_and_model_problems_together(call: Call, folder: Path) -> None:
-    """An unknown solver option does not hide a mechanism."""
-    result = call("validate", "beam.yaml", "--set", "solver={type: static, method: arc_length}", "--set",
-                  "boundary_conditions.root={type: pin, at: beam@0}")
-    if "arc_length" not in result.stderr:
-        pytest.skip("arc length is available")
-    assert "free to turn" in result.stderr
+def test_problems_of_models_name_their_keys(call: Call, folder: Path) -> None:
+    """Reading the case does not find them: what an element type cannot have, and a place without a node."""
+    result = call("validate", "beam.yaml", "--set", "bodies.beam.element={type: cable, count: 2, shear_factor: 0.5}")
+    assert "error: bodies.beam.element.shear_factor: cable has no shear, so shear_factor has no" in result.stderr
+    result = call("validate", "beam.yaml", "--set",
+                  "boundary_conditions+={type: fix, at: beam@0.3, coordinates: [x]}", "--set",
+                  "bodies.beam.element.nodes=regular")
+    assert "error: boundary_conditions.1.at: fix holds coordinates of a node, and there is no node at" in result.stderr
