@@ -44,7 +44,15 @@ def is_inside(point: PointRef, mesh: BodyMesh, spread: bool = False) -> bool:
     It does between the ends of an element and, in types with a common coefficient of x^2 and y^2, beside the axis and
     if it is ``spread`` over the section.
     """
-    return point.mesh is mesh and (spread or point.eta != 0.0 or 0.0 < point.xi < 1.0)
+    if point.mesh is not mesh or 0.0 < point.xi < 1.0:
+        return point.mesh is mesh
+    return point.eta != 0.0 or (spread and _reaches_beyond(point))
+
+
+def _reaches_beyond(point: PointRef) -> bool:
+    """Return whether the mean of the section at an end of an element depends on coordinates of other nodes."""
+    row, ends = point.shape_row(spread="uniform"), point.mesh.plan.element.functionals
+    return any(weight != 0.0 for weight, (node, _) in zip(row.tolist(), ends, strict=True) if node != point.node)
 
 
 def equilibrium_rows(model: Model, state: State) -> tuple[Array, Array]:
