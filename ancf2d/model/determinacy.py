@@ -139,12 +139,12 @@ def _full_rank(A: Array) -> bool:
     Smallest singular value by inverse iteration: [a I, A; A^T, 0] [r; x] = [0; -b] gives x = a (A^T A)^-1 b (Bjorck,
     Numerical Methods for Least Squares Problems, 1996, section 2.5).
     """
-    from scipy.sparse import block_array, csc_array, eye_array
-    from scipy.sparse.linalg import splu
-
     m, n = A.shape
     if n < MANY or m < n:
         return False
+    from scipy.sparse import block_array, csc_array, eye_array
+    from scipy.sparse.linalg import splu
+
     sparse = csc_array(A)
     a = HELD * math.sqrt(float(np.abs(A).sum(axis=0).max()) * float(np.abs(A).sum(axis=1).max()))
     try:

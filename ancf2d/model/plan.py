@@ -313,9 +313,9 @@ def plan_bodies(loaded: LoadedCase, moving: bool = False, known: Mapping[str, Bo
             problems.append(loaded.source.problem(("bodies", name, "geometry", *error.key),
                                                   f"bodies.{name}.geometry: {error}", expected=error.expected or None))
         except PartError as error:
-            path, text = ("bodies", name, *error.key), str(error)
-            text = text if f"bodies.{name}" in text else f"{dotted(path)}: {text}"
-            problems.append(loaded.source.problem(path, text, expected=error.expected or None))
+            found = loaded.source.problem(("bodies", name, *error.key), str(error), expected=error.expected or None)
+            named = not found.line or f"bodies.{name}" in found.message  # an option shows its own path
+            problems.append(found if named else replace(found, message=f"{dotted(found.path)}: {found.message}"))
         except CaseError as error:
             problems.extend(error.problems)
     count = sum(p.coordinates for p in plans.values())

@@ -130,5 +130,5 @@ def test_section_forces_at_a_clamp_of_whole_sections_are_refused_only_if_it_acts
     found = ancf2d.solve(case, states=False).summary["response"]["push"]
     assert [found["wall"][q]["re"][0] for q in "NQM"] == pytest.approx([2.0, -3.0, -3.0], rel=1e-6)
     assert [found["tip"][q]["re"][0] for q in "NQM"] == pytest.approx([2.0, -3.0, 0.0], abs=1e-6)
-    with pytest.raises(ComputationError, match="probe wall are not computed.*holds its element .* by a whole section"):
+    with pytest.raises(ComputationError, match=r"probe wall are not computed.*holds its element .* by a whole section"):
         ancf2d.solve(case, {"bodies.beam.element.type": "2d2n"}, states=False)
