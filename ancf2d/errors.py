@@ -11,6 +11,8 @@ from typing import Any
 
 # characters of a source line that a message shows at most
 WIDTH = 92
+# of more than SHOWN + 1 problems alike, SHOWN are printed in full; of the others, at most MOST_PLACES places
+SHOWN, MOST_PLACES = 3, 8
 # names of cases from Python; nobody has seen the text made from a mapping, so its problems name keys, not lines
 MAPPING, TEXT = "case (dict)", "case (text)"
 
@@ -18,6 +20,10 @@ MAPPING, TEXT = "case (dict)", "case (text)"
 def many(count: int, what: str) -> str:
     """Return a count with its noun: '1 element', '8 elements'."""
     return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+class ItemName(str):
+    """The name of an item of a mapping by names, as part of a path."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,15 @@ class Problem:
         expected = f"; expected {self.expected}" if self.expected else ""
         return self.message + expected + (f"; did you mean '{self.near}'?" if self.near else "")
 
+    @property
+    def kind(self) -> tuple[str, ...]:
+        """What problems alike have in common: file, sentence and path without indices and names of items."""
+        parts, sentence = [str(part) for part in self.path], self.sentence
+        alike = ["*" if isinstance(part, int | ItemName) else str(part) for part in self.path]
+        for n in range(len(parts), 0, -1):
+            sentence = sentence.replace(".".join(parts[:n]), ".".join(alike[:n]))
+        return self.file, sentence, *alike
+
     def __str__(self) -> str:
         """Return ``file:line:column: error: message`` with the source line, or option, and a caret below it."""
         if self.file == MAPPING:
@@ -57,6 +72,38 @@ class Problem:
         text, caret = _around(self.source_line, self.column)
         number = f"{self.line:5d}" if self.line else " " * 5
         return f"{head}\n{number} | {text}\n      | {' ' * caret}^"
+
+
+def listing(problems: list[Problem]) -> list[str]:
+    """Return the texts of problems; of many alike, the first few and the places of the others."""
+    alike: dict[tuple[str, ...], list[Problem]] = {}
+    for problem in problems:
+        alike.setdefault(problem.kind, []).append(problem)
+    out, left = [], {kind: SHOWN if len(group) > SHOWN + 1 else len(group) for kind, group in alike.items()}
+    for problem in problems:
+        kind = problem.kind
+        left[kind] -= 1
+        if left[kind] >= 0:
+            out.append(str(problem))
+        if left[kind] == 0 and (more := alike[kind][SHOWN:]) and len(more) > 1:
+            out.append(f"and {len(more)} more like it, at {_places(more)}")
+    return out
+
+
+def _places(problems: list[Problem]) -> str:
+    """Return the lines of problems, or their paths if some have no line."""
+    if not all(problem.line for problem in problems):
+        found = [".".join(map(str, problem.path)) for problem in problems]
+        return ", ".join(found if len(found) <= MOST_PLACES else [*found[:MOST_PLACES - 2], "...", found[-1]])
+    spans: list[list[int]] = []
+    for line in dict.fromkeys(problem.line for problem in problems):
+        if spans and line == spans[-1][1] + 1:
+            spans[-1][1] = line
+        else:
+            spans.append([line, line])
+    texts = [str(first) if first == last else f"{first}-{last}" for first, last in spans]
+    shown = texts if len(texts) <= MOST_PLACES else [*texts[:MOST_PLACES - 2], "...", texts[-1]]
+    return f"line{'' if texts == [str(spans[0][0])] else 's'} {', '.join(shown)}"
 
 
 def _around(line: str, column: int) -> tuple[str, int]:
@@ -108,7 +155,7 @@ class CaseError(Ancf2dError):
         if isinstance(problems, Problem):
             problems = [problems]
         self.problems = sorted(problems, key=lambda p: (p.file, p.line, p.column))
-        super().__init__("\n".join(str(p) for p in self.problems))
+        super().__init__("\n".join(listing(self.problems)))
 
 
 def raise_any(problems: list[Problem]) -> None:

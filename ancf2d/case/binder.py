@@ -13,7 +13,8 @@ from .syntax import Names
 from .units import SI, unit_label
 
 Path = tuple[Any, ...]
-MAX_PROBLEMS = 100
+# most problems of different kinds, and most in all
+MAX_PROBLEMS, MAX_ALIKE = 100, 1000
 # with more names than this, a message shows only the nearest one
 _MANY = 6
 
@@ -106,6 +107,7 @@ class Binder:
         self.problems = problems if problems is not None else []
         self.labels = SI
         self.unreported = 0
+        self.kinds: set[tuple[str, ...]] = set()
         self.skipped: list[Path] = []
         self.numbers: dict[str, float] = {}
         self.probes: tuple[str, ...] = ()
@@ -132,6 +134,7 @@ class Binder:
             self.unreported += 1
         else:
             self.problems.append(mark.problem(message, path, expected, near))
+            self.kinds.add(self.problems[-1].kind)
         return INVALID
 
     def skip(self, path: Path) -> Any:
@@ -147,7 +150,7 @@ class Binder:
     @property
     def full(self) -> bool:
         """Whether further problems are only counted, so that their messages need not be composed."""
-        return len(self.problems) >= MAX_PROBLEMS
+        return len(self.kinds) >= MAX_PROBLEMS or len(self.problems) >= MAX_ALIKE
 
     def nearest(self, word: str, names: Iterable[str], cutoff: float = 0.6) -> str:
         """Return the name most like a word; empty if none is near, or if no more messages are shown."""

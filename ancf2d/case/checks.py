@@ -239,7 +239,7 @@ class _Checker:
     def inputs(self) -> None:
         """Check that each input is the name of one load or prescribed motion."""
         case: Any = self.case
-        if ("solver",) in self.failed or INVALID in (case.loads, case.boundary_conditions):
+        if INVALID in (case.loads, case.boundary_conditions, case.inputs, getattr(case.solver, "outputs", ())):
             return
         moved = [s.name for s in case.boundary_conditions if s is not INVALID and s.motions and s.name]
         loads = [load.name for load in case.loads if load is not INVALID and load.name]
@@ -248,6 +248,8 @@ class _Checker:
             return
         for i, name in enumerate(case.inputs):
             path: Path = ("solver", "inputs", i)
+            if name is INVALID:
+                continue
             if name in case.inputs[:i]:
                 self.fail(path, f"{dotted(path)}: '{name}' is named twice")
             elif name == "hz":
@@ -266,7 +268,8 @@ class _Checker:
         if self.case.solver.probes_alone and output is not INVALID and not output.probes:
             self.fail(("solver",), f"solver: {self.solver} reports probes, and the case has none", "output.probes")
         for i, name in enumerate(getattr(self.case.solver, "outputs", ())):
-            self.reference(("solver", "outputs", i), name.partition(".")[0], "probes")
+            if name is not INVALID:
+                self.reference(("solver", "outputs", i), name.partition(".")[0], "probes")
 
     def scaled(self) -> None:
         """Check that the load factor scales something, if the solver seeks load factors or follows a path."""

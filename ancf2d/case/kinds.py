@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from ..errors import ItemName
 from .binder import INVALID, Binder, Path, dotted, listed
 from .nodes import Broken, ListNode, MapNode, Node, Scalar, quoted
 
@@ -332,10 +333,10 @@ class MapOf(Kind):
                                f"{self.words(binder)}, at least {self.least}")
         result = {}
         for name, entry in node.entries.items():
+            below = (*path, ItemName(name))
             if not good_name(name):
-                binder.fail(entry.mark, (*path, name), bad_name(dotted(path), name))
-            value = (binder.skip((*path, name)) if isinstance(entry.node, Broken)
-                     else self.item.bind(entry.node, (*path, name), binder))
+                binder.fail(entry.mark, below, bad_name(dotted(path), name))
+            value = binder.skip(below) if isinstance(entry.node, Broken) else self.item.bind(entry.node, below, binder)
             result[name] = value
         return result
 

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any
 
 from ..errors import CaseError, Problem, raise_any
-from .binder import MAX_PROBLEMS, Binder, KnownRecords, Vocabulary, dotted
+from .binder import Binder, KnownRecords, Vocabulary, dotted
 from .checks import check_case
 from .compose import compose, read_text
 from .definition import ElementDefinition, load_definition
@@ -93,7 +93,7 @@ class CaseText:
         definitions = _definitions(case, self.directory, binder, source)
         if binder.unreported:
             problems.append(Problem(f"{binder.unreported} more problems, not shown after the first "
-                                    f"{MAX_PROBLEMS}", file=self.name, line=len(line_breaks(self.text)), column=1))
+                                    f"{len(problems)}", file=self.name, line=len(line_breaks(self.text)), column=1))
         raise_any(problems)
         return LoadedCase(case, source, self.text, tuple(overrides), definitions, self)
 

@@ -134,21 +134,23 @@ class Entry(NamedTuple):
 class MapNode(Node):
     """A mapping of text keys to nodes, in the order of the file.
 
-    ``partial`` if some of its keys were refused, so that missing keys cannot be recognised.
+    ``partial`` if some of its keys were refused, so that missing keys cannot be recognised. ``removed`` are the places
+    of overrides that remove keys it does not have.
     """
 
-    __slots__ = ("entries", "partial")
+    __slots__ = ("entries", "partial", "removed")
     shape = "map"
 
     def __init__(self, mark: Mark) -> None:
         super().__init__(mark)
         self.partial = False
         self.entries: dict[str, Entry] = {}
+        self.removed: dict[str, Mark] = {}
 
     def copy(self) -> MapNode:
         """Return a mapping of the same nodes."""
         out = MapNode(self.mark)
-        out.partial, out.entries = self.partial, dict(self.entries)
+        out.partial, out.entries, out.removed = self.partial, dict(self.entries), dict(self.removed)
         return out
 
     def shown(self) -> str:

@@ -16,8 +16,8 @@ def apply_overrides(root: MapNode, overrides: list[str], problems: list[Problem]
     """Return ``root`` with each ``PATH=VALUE`` applied in turn; unchanged nodes are shared.
 
     PATH is dotted; a part that selects an item of a list is its index or its ``name``. ``PATH+=ITEM`` appends to a
-    list, which is created if it is missing; ``PATH=null`` removes a key or an item. Problems are added to ``problems``,
-    with a caret into the override.
+    list, which is created if it is missing; ``PATH=null`` removes a key, if it is there, or an item. Problems are added
+    to ``problems``, with a caret into the override.
     """
     for text in overrides:
         try:
@@ -44,12 +44,18 @@ def _apply(root: MapNode, text: str) -> MapNode:
     if node is None:
         node = Scalar(Mark(origin, 1, column), "", True)
     changed = root.copy()
+    removes = not appends and isinstance(node, Scalar) and node.value is None and bool(value.strip())
     parent: Node = changed
-    for i, (part, _) in enumerate(parts[:-1]):
-        parent = _step(parent, part, parts[: i + 1], parts[i + 1])
+    for i, (part, mark) in enumerate(parts):
+        if removes and isinstance(parent, MapNode) and part not in parent.entries:
+            # the reader of the mapping checks the key
+            parent.removed[part] = mark
+            return changed
+        if i < len(parts) - 1:
+            parent = _step(parent, part, parts[: i + 1], parts[i + 1])
     if appends:
         _append(parent, parts, node)
-    elif isinstance(node, Scalar) and node.value is None and value.strip():
+    elif removes:
         _remove(parent, parts)
     else:
         _put(parent, parts, node)
@@ -121,11 +127,10 @@ def _remove(parent: Node, parts: list[tuple[str, Mark]]) -> None:
     part, mark = parts[-1]
     if isinstance(parent, ListNode):
         del parent.items[_index(parent, part, parts)]
-    elif isinstance(parent, MapNode) and part in parent.entries:
+    elif isinstance(parent, MapNode):
         del parent.entries[part]
     else:
-        near = nearest(part, parent.entries, cutoff=0.75) if isinstance(parent, MapNode) else ""
-        raise CaseError(mark.problem(f"the case has no {quoted(_joined(parts))} that could be removed", near=near))
+        raise CaseError(mark.problem(f"the case has no {quoted(_joined(parts))} that could be removed"))
 
 
 def _index(parent: ListNode, part: str, done: list[tuple[str, Mark]]) -> int:

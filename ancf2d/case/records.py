@@ -264,7 +264,8 @@ def unknown_keys(cls: type, node: MapNode, path: Path, binder: Binder,
     keys = keys_of(cls)
     tag = tag_of(cls)
     meant = set()
-    for name, entry in node.entries.items():
+    given = node.removed | {name: entry.mark for name, entry in node.entries.items()}
+    for name, mark in given.items():
         if name in keys or (tag and name == "type"):
             continue
         free = [k for k in keys if k not in node.entries]
@@ -280,7 +281,7 @@ def unknown_keys(cls: type, node: MapNode, path: Path, binder: Binder,
         elif name.isdigit():
             of += "; write decimals with a point, not a comma"
         wanted = "" if near or owners else listed(places or keys) if places or keys else "no key but type"
-        binder.fail(entry.mark, (*path, name), f"unknown key {quoted(name)}{where}{of}",
+        binder.fail(mark, (*path, name), f"unknown key {quoted(name)}{where}{of}",
                     wanted, near)
     return meant
 

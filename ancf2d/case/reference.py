@@ -24,7 +24,7 @@ counter-clockwise. A point is written `BODY@S` with S in [0, 1] along the body's
 Every value can be overridden on the command line: `--set bodies.beam.element.count=32`,
 `--set loads.0.value.1=-500`; items of lists are named by index or by their `name`.
 `--set 'loads+={type: moment, at: beam@1, value: 3}'` appends an item to a list, and `--set goal=null` removes an
-optional key or an item. `ancf2d run -` reads the case from stdin.
+optional key, if it is there, or an item. `ancf2d run -` reads the case from stdin.
 """
 
 # notes on a key of the case, in addition to its records

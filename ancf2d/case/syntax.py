@@ -30,11 +30,14 @@ def _nearest(word: str, names: Collection[str]) -> str:
 
 
 class ExpressionError(ValueError):
-    """A text that is not an expression; ``column`` counts from 0 in it, ``near`` is a name that was probably meant."""
+    """A text that is not an expression; ``column`` counts from 0 in it, ``near`` is a name that was probably meant.
+
+    ``each`` are all mistakes found in the text, of which this is the first.
+    """
 
     def __init__(self, message: str, column: int, near: str = "") -> None:
         super().__init__(message)
-        self.column, self.near = column, near
+        self.column, self.near, self.each = column, near, [self]
 
 
 class Names(NamedTuple):
@@ -185,6 +188,8 @@ class _Parser:
     def __init__(self, text: str, names: Names) -> None:
         self.text, self.names = text, names
         self.used: set[str] = set()
+        # unknown names, after which parsing goes on
+        self.wrong: dict[str, ExpressionError] = {}
         self.tokens = list(self.split(text))
         self.at = 0
         self.depth = 0
@@ -216,9 +221,16 @@ class _Parser:
         return ExpressionError(message, self.tokens[self.at][2])
 
     def whole(self) -> Tree:
-        result = self.conditional()
-        if self.tokens[self.at][0] != "end":
-            raise self.unexpected()
+        last: list[ExpressionError] = []
+        try:
+            result = self.conditional()
+            if self.tokens[self.at][0] != "end":
+                raise self.unexpected()
+        except ExpressionError as error:
+            last = [error]
+        if found := [*self.wrong.values(), *last]:
+            found[0].each = found
+            raise found[0]
         return result
 
     def unexpected(self) -> ExpressionError:
@@ -318,8 +330,10 @@ class _Parser:
         if text in ("if", "else"):
             raise self.fail(f"a value is missing before '{text}'")
         if text not in FUNCTION_NAMES:
-            raise self.unknown(text)
+            self.wrong.setdefault(text, self.unknown(text))
         self.take()
+        if text in self.wrong and self.peek() != "(":
+            return Constant(1.0)
         if self.peek() != "(":
             raise self.fail(f"'(' is missing after {text}")
         self.take()
@@ -376,18 +390,8 @@ def renamed(tree: Tree, meaning: Mapping[str, Tree]) -> Tree:
 
 def named_in(tree: Tree) -> Iterator[str]:
     """Yield the names of the quantities in a tree."""
-    match tree:
-        case Quantity(name):
-            yield name
-        case Negative(operand) | Call(_, operand):
-            yield from named_in(operand)
-        case Power(base, exponent):
-            yield from named_in(base)
-            yield from named_in(exponent)
-        case Chain(first, rest) | Comparison(first, rest):
-            yield from named_in(first)
-            for _, operand in rest:
-                yield from named_in(operand)
-        case Choice(condition, chosen, other):
-            for part in (condition, chosen, other):
-                yield from named_in(part)
+    if isinstance(tree, Quantity):
+        yield tree.name
+    elif isinstance(tree, tuple):
+        for part in tree:
+            yield from named_in(part)  # type: ignore[arg-type]

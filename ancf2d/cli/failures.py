@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from ..errors import Ancf2dError, CaseError, ComputationError, Problem, cause_of, many
+from ..errors import Ancf2dError, CaseError, ComputationError, Problem, cause_of, listing, many
 from .session import Session
 from .text import discard_output, say
 
@@ -113,7 +113,7 @@ def problem_object(problem: Problem) -> dict[str, Any]:
 
 def problems_text(problems: list[Problem], case: str) -> str:
     """Return problems one below the other, followed by their number."""
-    lines = [str(p) for p in problems]
+    lines = listing(problems)
     if case:
         # none may be in the case itself, but in an option or in data
         where = f" in {case}" if any(p.file == case for p in problems) else ""

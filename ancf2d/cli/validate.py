@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from ..errors import CaseError, Problem, many
+from ..errors import CaseError, Problem, listing, many
 from .failures import WRONG, problem_object
 from .options import cases_argument, examples, json_session, set_option
 from .session import Session
@@ -47,8 +47,8 @@ def _check(case: str, overrides: tuple[str, ...], session: Session) -> dict[str,
         warnings = check(load(case, overrides))
     except CaseError as error:
         problems = error.problems
-    for problem in problems:
-        say(str(problem), err=True)
+    for text in listing(problems):
+        say(text, err=True)
     for text in warnings:
         session.warn(f"{case}: {text}")
     return {"case": case, "status": "failed" if problems else "ok",

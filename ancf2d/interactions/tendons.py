@@ -151,7 +151,8 @@ def spans(eyelets: Sequence[tuple[PointRef | GroundPoint, float]]) -> list[Tendo
         (la, arm_a), (lb, arm_b) = _eyelet(a, ya, -1.0), _eyelet(b, yb, 1.0)
         arms = [] if arm_a is _NO_ARM and arm_b is _NO_ARM else [*arm_a, *arm_b]
         shares = ((a, [*la, *arm_a]), (b, [*lb, *_NO_ARM, *arm_b])) if arms else ((a, la), (b, lb))
-        ends = [(p, own) for p, own in shares if isinstance(p, PointRef)]
+        ends = [(point_ref(p.mesh, p.s, y), own) for (p, own), y in zip(shares, (ya, yb), strict=True)
+                if isinstance(p, PointRef)]
         out.append(TendonPiece([*map(add, la, lb), *arms], ends))
     return out
 

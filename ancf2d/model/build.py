@@ -18,6 +18,7 @@ from ..case import (
     Point,
     Static,
 )
+from ..case.binder import dotted
 from ..elements.shape import Array, UnsolvableBasisError
 from ..errors import PartError, raise_any
 from ..interactions.body_contact import BodyPair
@@ -148,7 +149,8 @@ class _Builder:
             try:
                 support.add(point, name, timing, own)
             except PartError as error:
-                self.report(("boundary_conditions", i, *error.key), str(error), error.expected, error.near)
+                path = ("boundary_conditions", i, *error.key)
+                self.report(path, f"{dotted(path)}: {error}", error.expected, error.near)
             else:
                 self._add_equations(own, support.active, point)
 

@@ -25,6 +25,9 @@ Terms = dict[int, complex]
 STRETCH = 1e-2
 # relative difference below which coefficients count as equal
 EQUAL = 1e-9
+# rigid motions of more bodies are first looked for with sparse factors; singular values above this share of the largest
+# are no round-off in these; iterations
+MANY, HELD, INVERSE_ITERATIONS = 300, 1e-7, 5
 
 
 def rigid_motion(mesh: BodyMesh, coords: Index, e: Array, centre: Array) -> Array:
@@ -130,8 +133,34 @@ def _describe(meshes: list[BodyMesh], motion: Array, centres: list[Array], sizes
     return " while ".join(words)
 
 
+def _full_rank(A: Array) -> bool:
+    """Return whether a sparse factorisation shows quickly that A (m, n) has no null space, which it may have otherwise.
+
+    Smallest singular value by inverse iteration: [a I, A; A^T, 0] [r; x] = [0; -b] gives x = a (A^T A)^-1 b (Bjorck,
+    Numerical Methods for Least Squares Problems, 1996, section 2.5).
+    """
+    m, n = A.shape
+    if n < MANY or m < n:
+        return False
+    from scipy.sparse import block_array, csc_array, eye_array
+    from scipy.sparse.linalg import splu
+
+    sparse = csc_array(A)
+    a = HELD * math.sqrt(float(np.abs(A).sum(axis=0).max()) * float(np.abs(A).sum(axis=1).max()))
+    try:
+        factors = splu(csc_array(block_array([[a * eye_array(m), sparse], [sparse.T, None]])))
+    except RuntimeError:  # singular
+        return False
+    x = np.random.default_rng(0).standard_normal(n)
+    for _ in range(INVERSE_ITERATIONS):
+        x = factors.solve(np.concatenate([np.zeros(m), x / np.linalg.norm(x)]))[m:]
+    return bool(np.linalg.norm(x) < 1.0 / a)
+
+
 def _kernel(A: Array) -> Array:
     """Return an orthonormal basis, as rows (k, n), of the null space of A (m, n)."""
+    if _full_rank(A):
+        return np.zeros((0, A.shape[1]))
     # all of vt, whose last rows span the null space, but no more of u than there are columns
     _, s, vt = np.linalg.svd(A, full_matrices=A.shape[0] < A.shape[1])
     rank = int((s > 1e-9 * s[0]).sum()) if len(s) else 0

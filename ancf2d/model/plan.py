@@ -23,6 +23,7 @@ from ..case import (
     Polyline,
     Selective,
 )
+from ..case.binder import dotted
 from ..case.schema.points import named_points
 from ..elements import registry
 from ..elements.definition import ElementType, derivative_order
@@ -37,7 +38,7 @@ from .own_element import own_element, undetermined
 from .profiles import VaryingSection, load_breaks, profile_breaks
 from .section import is_axis_type, resolve_section, rigid_section, with_memory
 
-MAX_BODIES = 1000  # checking this many for free motions takes a minute
+MAX_BODIES = 1000  # finding the free motions of this many takes a minute
 SHORT = 0.1  # approximate turn of one element of a rigid curved body [rad]
 WIDE = 1.0  # angle of an arc [rad] that is too wide for one element
 MAX_COORDINATES = 32_000_000  # of all bodies together: a million elements of most types fit
@@ -312,8 +313,9 @@ def plan_bodies(loaded: LoadedCase, moving: bool = False, known: Mapping[str, Bo
             problems.append(loaded.source.problem(("bodies", name, "geometry", *error.key),
                                                   f"bodies.{name}.geometry: {error}", expected=error.expected or None))
         except PartError as error:
-            path = ("bodies", name, *error.key)
-            problems.append(loaded.source.problem(path, str(error), expected=error.expected or None))
+            found = loaded.source.problem(("bodies", name, *error.key), str(error), expected=error.expected or None)
+            named = not found.line or f"bodies.{name}" in found.message  # an option shows its own path
+            problems.append(found if named else replace(found, message=f"{dotted(found.path)}: {found.message}"))
         except CaseError as error:
             problems.extend(error.problems)
     count = sum(p.coordinates for p in plans.values())

@@ -29,16 +29,30 @@ NODE = 1e-9
 
 
 class Inside(NamedTuple):
-    """A force on the coordinates (n_dof,) of element ``ie`` that acts at ``xi``, between the element's ends."""
+    """A force on the coordinates (n_dof,) of element ``ie`` that acts at ``xi``, between the element's ends or, if it
+    acts on other coordinates than those of the node there, at one of them.
+    """
 
     ie: int
     xi: float
     force: Array
 
 
-def is_inside(point: PointRef, mesh: BodyMesh) -> bool:
-    """Return whether a point is on this body and between the ends of its element."""
-    return point.mesh is mesh and 0.0 < point.xi < 1.0
+def is_inside(point: PointRef, mesh: BodyMesh, spread: bool = False) -> bool:
+    """Return whether a force at a point of this body may act on other coordinates than those of a node there.
+
+    It does between the ends of an element and, in types with a common coefficient of x^2 and y^2, beside the axis and
+    if it is ``spread`` over the section.
+    """
+    if point.mesh is not mesh or 0.0 < point.xi < 1.0:
+        return point.mesh is mesh
+    return point.eta != 0.0 or (spread and _reaches_beyond(point))
+
+
+def _reaches_beyond(point: PointRef) -> bool:
+    """Return whether the mean of the section at an end of an element depends on coordinates of other nodes."""
+    row, ends = point.shape_row(spread="uniform"), point.mesh.plan.element.functionals
+    return any(weight != 0.0 for weight, (node, _) in zip(row.tolist(), ends, strict=True) if node != point.node)
 
 
 def equilibrium_rows(model: Model, state: State) -> tuple[Array, Array]:
@@ -119,7 +133,9 @@ def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
     for load in model.case.loads:
         # body first: finding a place along it is slow
         named = [model.point(p) for p in named_points(load) if p.body == mesh.plan.name]
-        if not any(is_inside(point, mesh) for point in named):
+        beside = getattr(load, "spread", None) is not None or any(getattr(p, "y", 0.0) for p in getattr(
+            load, "through", ()))
+        if not any(is_inside(point, mesh, beside) for point in named):
             continue
         out, full = LoadSet(), np.zeros(model.n_q)
         load.add(LoadContext(model.meshes, model.point, model.timing.factor(load)), out)
@@ -180,6 +196,8 @@ def _touching(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
     if not model.contacts:
         return
     element = {int(first): ie for ie, first in enumerate(mesh.dofs[:, 0])}
+    # faces of sections that deform
+    wide = mesh.plan.element.section_kind == "interpolated"
     for one in model.contact_tables:
         pair = one.pair
         if mesh is not pair.mesh and not (pair.on_bodies and mesh is pair.against):
@@ -193,13 +211,16 @@ def _touching(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
             for k in np.flatnonzero(Q[:, here].any(axis=1)) if body is mesh else ():
                 ie = element[int(coords[k, first])]
                 xi = float((s[k] * mesh.plan.length - mesh.starts[ie]) / mesh.lengths[ie])
-                if NODE < xi < 1.0 - NODE:
-                    yield Inside(ie, xi, -Q[k, here])
+                if wide or NODE < xi < 1.0 - NODE:
+                    yield Inside(ie, float(np.clip(xi, 0.0, 1.0)), -Q[k, here])
 
 
 def _places(model: Model, mesh: BodyMesh, state: State) -> list[tuple[str, int, float]]:
     """Return owner, element and xi of the supports and joints that hold a body between the ends of its elements."""
-    places = [(owner, point.ie, point.xi) for owner, point in model.supports if is_inside(point, mesh)]
+    places = [(owner, point.ie, point.xi)
+              for (owner, point), item in zip(model.supports, model.case.boundary_conditions, strict=True)
+              if is_inside(point, mesh, getattr(item, "spread", None) is not None
+                           or getattr(item, "hold", None) == "breathe")]
     for i, joint in enumerate(model.case.joints):
         for p in named_points(joint):
             if p.body == mesh.plan.name and is_inside(point := model.point(p), mesh):

@@ -10,6 +10,7 @@ import numpy as np
 from ..case import SWITCHED, Case
 from ..case.binder import dotted
 from ..case.part_checks import materials_of
+from ..case.records import tag_of
 from ..case.schema.solvers import (
     Buckling,
     Dynamic,
@@ -96,6 +97,13 @@ SOLVERS: dict[type, Callable[..., Iterator[State]]] = {
 
 def left_out(case: Case) -> list[str]:
     """Return messages about parts of a case that its solver leaves out."""
+    bounces = [] if case.solver.moves else [f"contacts.{i}.restitution" for i, contact in enumerate(case.contacts)
+                                            if contact.restitution is not None]
+    return [*_left_out(case), *(f"{what}: solver {tag_of(type(case.solver))} computes no impacts, so it has no effect"
+                                for what in bounces)]
+
+
+def _left_out(case: Case) -> list[str]:
     if isinstance(case.solver, FrequencyResponse | StateSpace):
         out = _idle(case, case.solver.about, "motions", " other than inputs")
         fields = [name for name in case.output.fields if name not in ("N", "Q", "M")]

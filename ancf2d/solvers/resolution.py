@@ -52,8 +52,9 @@ SHORT = {"bending": 2.0, "straight": 0.5, "rigid": 0.0}
 SMALL = 1e-4
 # largest share of a frequency or load factor that is reported as lost
 WHOLE = 0.99
-# times the strain: relative difference of the energies of Green-Lagrange and linear strains
-LARGE_STRAIN = 3.0
+# times the strain: relative difference of the energies of Green-Lagrange and linear strains, of an equilibrium and of a
+# small motion about one; the tangent modulus of a neo-Hookean bar falls with 1 - 2 e, the energy of its strains rises
+LARGE_STRAIN, LARGE_STRAIN_OF_MOTION = 3.0, 6.0
 # strain that is round-off, for a body as long as high
 FAINT = 1e-13
 # kinds of modes of beams; largest number of inaccurate modes in a message
@@ -150,7 +151,7 @@ class _Body:
         size = float(np.abs(self.model.weights * shape).max()) / self.model.extent
         if max(asked, stored) <= self.faint * size**2:
             return 0.0, 0.0
-        allowed = self._large_strain_error(max(self.weight * energy, 0.0)) * max(asked, stored)
+        allowed = self._large_strain_error(max(self.weight * energy, 0.0), LARGE_STRAIN_OF_MOTION) * max(asked, stored)
         return stored, max(abs(asked - stored) - allowed, 0.0) * self._tension_share(N, forces[..., 2])
 
     def added(self, state: State, motion: Array, Q: Array, a: Array | None) -> Array:
@@ -172,7 +173,7 @@ class _Body:
         """Return U* of section forces."""
         return float(np.einsum("ek,ekc->", self.ds, 0.5 * forces**2 * self.compliance))
 
-    def _large_strain_error(self, energy: float) -> float:
+    def _large_strain_error(self, energy: float, factor: float = LARGE_STRAIN) -> float:
         """Return the relative error of the larger of U and U* due to large Green-Lagrange strains, by the mean strain.
 
         A stretched neo-Hookean bar stores much less than N^2/EA ds/2.
@@ -180,7 +181,7 @@ class _Body:
         if not self.mesh.plan.formulation.green:
             return 0.0
         rigidity = self.stands_for * self.mesh.plan.section.EA * self.mesh.plan.length
-        return LARGE_STRAIN * math.sqrt(2.0 * energy / rigidity)
+        return factor * math.sqrt(2.0 * energy / rigidity)
 
     def _tension_share(self, N: Array, M: Array) -> float:
         """Return the share of a deflection within elements that remains under tension.

@@ -314,7 +314,7 @@ class _Part:
         if len(self.within):
             acting = self._node_wrench(self.acting, np.ones(self.acting.shape[1], bool), self.within)
             for k, end in enumerate(ends):
-                before = self.at < end
+                before = (self.at < end) | (self.at == 0.0) | (k == len(ends) - 1)
                 np.add.at(total[:, k], self.within[before], acting[before])
         if self.rates is None:
             return total

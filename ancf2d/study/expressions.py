@@ -52,23 +52,25 @@ class Vocabulary:
 
 
 def read_measure(text: str, option: str, words: Vocabulary, parameters: Sequence[str] = ()) -> Measure:
-    """Return the expression given by a command line option. Raises CaseError with the place of the mistake."""
-    extremes: dict[str, Extreme] = {}
-    rest, more = text, tuple(parameters)
+    """Return the expression given by a command line option. Raises CaseError with the places of all mistakes."""
+    extremes: dict[str, Extreme | None] = {}
+    rest, more, wrong = text, tuple(parameters), list[ExpressionError]()
     try:
         while (found := _EXTREME.search(rest)) is not None:
             end = _closed(rest, found.end() - 1)
             inside = rest[found.end():end]
             # as long as the text it replaces, so that columns in messages stay correct
             name = f"e{len(extremes)}".ljust(end + 1 - found.start(), "_")
-            extremes[name] = _extreme(found[1] == "max", inside, found.end(), words, more)
+            extremes[name] = _extreme(found[1] == "max", inside, found.end(), words, more, wrong)
             rest = rest[:found.start()] + name + rest[end + 1:]
         tree = syntax(rest, words.names((*more, *extremes)))
     except ExpressionError as error:
-        shown = f"{option} {text}"
-        mark = Mark(Origin(shown, shown.split("\n"), numbered=False), 1, len(option) + 2 + error.column)
-        raise CaseError(mark.problem(_said(str(error), words), near=error.near)) from None
-    return Measure(text, tree, extremes)
+        wrong += error.each
+    shown = f"{option} {text}"
+    origin = Origin(shown, shown.split("\n"), numbered=False)
+    raise_any([Mark(origin, 1, len(option) + 2 + one.column).problem(_said(str(one), words), near=one.near)
+               for one in wrong])
+    return Measure(text, tree, {name: extreme for name, extreme in extremes.items() if extreme is not None})
 
 
 def _said(message: str, words: Vocabulary) -> str:
@@ -89,7 +91,9 @@ def _closed(text: str, at: int) -> int:
     raise ExpressionError("')' is missing", len(text))
 
 
-def _extreme(largest: bool, inside: str, column: int, words: Vocabulary, more: Sequence[str]) -> Extreme:
+def _extreme(largest: bool, inside: str, column: int, words: Vocabulary, more: Sequence[str],
+             wrong: list[ExpressionError]) -> Extreme | None:
+    """Return max or min of a text, which begins at a column; add mistakes in it to ``wrong`` and return None."""
     try:
         if _EXTREME.search(inside):
             raise ExpressionError("max and min cannot stand in each other", 0)
@@ -101,7 +105,8 @@ def _extreme(largest: bool, inside: str, column: int, words: Vocabulary, more: S
                                   f"{listed(n for n in used if n != field)} cannot stand beside it there", 0)
         return Extreme(largest, tree, field)
     except ExpressionError as error:
-        raise ExpressionError(str(error), column + error.column, error.near) from None
+        wrong += [ExpressionError(str(one), column + one.column, one.near) for one in error.each]
+        return None
 
 
 def bounded(measure: Measure, option: str) -> tuple[Measure, Measure, str]:

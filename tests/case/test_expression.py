@@ -61,6 +61,15 @@ def test_errors_say_where(text, column, words):
     assert caught.value.column == column
 
 
+@pytest.mark.parametrize(("text", "columns"), [
+    ("x + 2*y + x", [0, 6]), ("tan(x) + log(t)", [0, 4, 9]), ("(x", [1, 2]), ("x + sin t", [0, 8]),
+    ("t + x if y else z", [4, 9, 16])])
+def test_all_unknown_names_are_found_at_once(text, columns):
+    with pytest.raises(ExpressionError) as caught:
+        syntax(text)
+    assert [one.column for one in caught.value.each] == columns
+
+
 @pytest.mark.parametrize(("names", "what"), [
     (Names("t", {"t": 1.0}), "parameter"), (Names("t", {}, ("t",)), "controller or state"),
     (Names("s", {"x": 1.0}, ("x",)), "parameter")])

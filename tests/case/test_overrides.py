@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from ancf2d.case import CaseText, load_case
+from ancf2d.case import CaseText, load_case, load_case_text
 from ancf2d.case.emit import walk
 from ancf2d.errors import CaseError
 
@@ -74,6 +74,16 @@ def test_lists_grow_and_optional_keys_can_be_removed(overrides, read, vocabulary
     assert loaded.overrides == tuple(overrides)
 
 
+@pytest.mark.parametrize("override", [
+    "accuracy=null", "accuracy=~", "steady_rotation=null", "steady_rotation.about=null", "output.fields=null",
+    "bodies.beam.material.rho=null", "bodies.other=null", "bodies.other.section=null", "parameters.k=null",
+    "loads.0.amplitude.scale=null"])
+def test_keys_that_are_not_there_stay_away(override, vocabulary):
+    text = CASE.read_text(encoding="utf-8").replace(", rho: 7850", "")
+    assert load_case_text(text, overrides=[override], vocabulary=vocabulary).case == load_case_text(
+        text, vocabulary=vocabulary).case
+
+
 def test_completed_text_holds_them(vocabulary):
     assert "count: 32" in load(vocabulary, "bodies.beam.element.count=32").completed
 
@@ -137,7 +147,7 @@ error: 'title' is the text 'Simply supported beam with a midspan load'; += appen
       | --set title+=3
       |       ^"""),
     ("gaol=null", """\
-error: the case has no 'gaol' that could be removed; did you mean 'goal'?
+error: unknown key 'gaol'; did you mean 'goal'?
       | --set gaol=null
       |       ^"""),
     ("bodies.beam.section=null", None),

@@ -8,6 +8,7 @@ import pytest
 
 import ancf2d
 from ancf2d.errors import CaseError
+from ancf2d.model import determinacy
 from ancf2d.model.classes import mass_matrix
 from ancf2d.model.determinacy import rigid_motion
 from ancf2d.model.point_patch import dot
@@ -324,3 +325,18 @@ def test_a_clamp_fixes_the_whole_rigid_curve(hold):
     clamp = [{"type": "clamp", "at": "b@0.4", **({"hold": hold} if hold else {})}]
     model = model_of(rigid(RING, mass=1.0), bc=clamp, springs=[])
     assert model.numbering.n_unknowns == 0
+
+
+def test_a_sparse_factorisation_shows_that_all_bodies_are_held(monkeypatch):
+    """A chain of bodies, each held by the one before; without its first equation, all of it can move."""
+    n = 2 * determinacy.MANY
+    held = np.eye(n) - 0.99 * np.eye(n, k=-1)
+    loose = held[1:].copy()
+    (free,) = determinacy._kernel(loose)
+    assert np.abs(loose @ free).max() < 1e-12
+    (free,) = determinacy._kernel(np.vstack([loose, loose]))
+    assert np.abs(loose @ free).max() < 1e-12
+    # nearly free, but held: a number far above round-off decides
+    (free,) = determinacy._kernel(np.vstack([loose, 1e-12 * held[:1]]))
+    monkeypatch.setattr(np.linalg, "svd", None)
+    assert len(determinacy._kernel(held)) == 0

@@ -82,8 +82,9 @@ def test_a_file_of_very_many_values_is_read_to_the_limit(tmp_path: Path, content
                          ids=["duplicate keys", "aliases", "anchors", "lists as keys"])
 def test_reading_ends_after_many_refusals(tmp_path: Path, content: str) -> None:
     found = problems(tmp_path, content)
-    assert len(found) == 101
-    assert found[-1] == "too many problems; the rest of the file was not read"
+    refusals = [text for text in found if "unknown key" not in text and " is missing" not in text]
+    assert len(refusals) == 101
+    assert refusals[-1] == "too many problems; the rest of the file was not read"
 
 
 def test_very_many_unknown_names_get_no_suggestions(tmp_path: Path) -> None:
@@ -95,7 +96,7 @@ def test_very_many_unknown_names_get_no_suggestions(tmp_path: Path) -> None:
 def test_ten_thousand_references_to_ten_thousand_bodies(tmp_path: Path) -> None:
     data = {**BEAM, "bodies": {f"b{i}": 1 for i in range(10_000)}, "loads": [
         {"type": "force", "at": f"b{i}@1", "value": [0, 1]} for i in range(10_000)]}
-    assert len(problems(tmp_path, json.dumps(data))) == 101
+    assert len(problems(tmp_path, json.dumps(data))) == 1001
 
 
 def test_many_supports_of_one_point(tmp_path: Path) -> None:
@@ -123,12 +124,15 @@ def test_more_bodies_than_can_be_checked(tmp_path: Path) -> None:
 def test_a_goal_beyond_unreadable_modes_among_many_problems(tmp_path: Path) -> None:
     data = {**BEAM, "loads": [1] * 200, "solver": {"type": "eigen", "modes": []},
             "goal": {"kind": "bending", "number": 3}}
-    assert len(problems(tmp_path, json.dumps(data))) == 101
+    found = problems(tmp_path, json.dumps(data))
+    assert sum(text.startswith("loads.") for text in found) == 200
+    assert "solver.modes must be a whole number >= 1, got an empty list" in found
 
 
 def test_an_alias_bomb_is_refused_where_it_begins(tmp_path: Path) -> None:
     rows = ["a0: &a0 [1, 1]", *(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]" for i in range(1, 60))]
-    assert problems(tmp_path, "\n".join(rows))[0].startswith("the anchor &a0 is not supported")
+    found = [text for text in problems(tmp_path, "\n".join(rows)) if "unknown key" not in text]
+    assert found[0].startswith("the anchor &a0 is not supported")
 
 
 @pytest.mark.parametrize(("path", "value", "said"), [

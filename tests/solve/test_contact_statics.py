@@ -303,3 +303,27 @@ def test_a_run_reports_only_the_worst_state_of_obstacles_between_points(monkeypa
     assert len(told) > 1
     outcome = run_case(model.loaded, None)
     assert outcome.warnings == [max(told, key=lambda w: w.size)]
+
+
+@pytest.mark.parametrize("stop", [0.03, pytest.param(0.055, marks=pytest.mark.slow)])
+def test_a_path_turns_back_where_a_snapping_truss_meets_a_stop_below_its_load(stop: float) -> None:
+    """The stop carries what the load exceeds the force that holds the truss at this height.
+
+    The load factor falls until the truss meets the stop, and rises again while the truss rests on it.
+    """
+    EA, h, P = 1e6, 0.1, 1000.0
+    bodies = {name: helpers.body({"type": "line", "start": [x, 0], "end": [0, h]}, helpers.element("cable", 2),
+                                 {"EA": EA, "EI": 1e3}) for name, x in (("left", -1), ("right", 1))}
+    solution = helpers.Solution(helpers.build(
+        bodies, {"type": "static", "method": "arc_length", "steps": 300, "until": {"load_factor": 1}},
+        bc=[{"type": "pin", "at": "left@0"}, {"type": "pin", "at": "right@0"}],
+        joints=[{"type": "pin", "between": ["left@1", "right@1"]}],
+        loads=[{"type": "force", "at": "left@1", "value": [0, -P]}],
+        obstacles={"floor": {"type": "half_plane", "through": [0, -stop], "normal": [0, 1]}},
+        contacts=[{"between": ["left", "floor"], "side": "axis"}]))
+    L, length = math.hypot(1, h), math.hypot(1, stop)
+    # engineering strain of both bars at the stop; negative: the load pulls the truss back
+    held = 2.0 * EA * (length - L) / L * stop / length
+    assert solution.r("left@1") == pytest.approx([0.0, -stop], abs=1e-9)
+    assert obstacle_reactions(solution.model, solution.state)["floor"]["fy"] == pytest.approx(P - held, rel=1e-6)
+    assert [row["factor"] for row in solution.state.report["limit_points"]][1:] == [pytest.approx(held / P, rel=1e-4)]

@@ -130,6 +130,14 @@ def test_states_of_a_controller_obey_their_equations():
     assert told(motion)["watch:z"] == pytest.approx(z, abs=1e-7)
 
 
+@pytest.mark.parametrize("method", ["radau5", pytest.param("generalized_alpha", marks=pytest.mark.slow)])
+def test_a_state_that_starts_as_the_smallest_number_is_weighed_by_what_it_becomes(method):
+    """The inverse of its size would be infinite; so start inputs such as sin(t) minus an angle at rest."""
+    watch = {"type": "state", "rate": {"z": "sin(3*t)"}, "initial": {"z": 1e-320}, "output": "2*z"}
+    motion = ride(arm("0*watch", controllers={"watch": watch}), 1.0, dt=1e-3, method=method, estimate=False)
+    assert told(motion)["watch:z"] == pytest.approx((1 - math.cos(3)) / 3, abs=1e-5)
+
+
 def test_an_unused_controller_follows_the_motion():
     """It counts whole turns of a spinning arm, as it would if a load followed it."""
     watch = {"type": "pid", "input": "hub.theta", "kp": 1}

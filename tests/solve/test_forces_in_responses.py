@@ -115,3 +115,20 @@ def test_section_forces_inside_an_element_with_a_support_are_refused() -> None:
     case["solver"] = {"type": "frequency_response", "frequencies": [0, 1], "inputs": ["turn"]}
     with pytest.raises(ComputationError, match=r"N, Q and M of the probe b are not computed.*between the nodes"):
         ancf2d.solve(case, states=False)
+
+
+def test_section_forces_at_a_clamp_of_whole_sections_are_refused_only_if_it_acts_beyond_its_node() -> None:
+    """In 2d2n, the mean of a section depends on coordinates of the next node, too."""
+    case = {"bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                                "section": {"height": 0.1, "width": 0.1},
+                                "material": {"E": 2e9, "nu": 0.3, "rho": 1000},
+                                "element": {"type": "vallejo", "count": 4}}},
+            "boundary_conditions": [{"type": "clamp", "at": "beam@0", "hold": "breathe"}],
+            "loads": [{"name": "push", "type": "force", "at": "beam@1", "value": [2, -3], "spread": "uniform"}],
+            "solver": {"type": "frequency_response", "frequencies": [0.0], "inputs": ["push"]},
+            "output": {"probes": {"wall": "beam@0", "tip": "beam@1"}, "fields": ["N", "Q", "M"]}}
+    found = ancf2d.solve(case, states=False).summary["response"]["push"]
+    assert [found["wall"][q]["re"][0] for q in "NQM"] == pytest.approx([2.0, -3.0, -3.0], rel=1e-6)
+    assert [found["tip"][q]["re"][0] for q in "NQM"] == pytest.approx([2.0, -3.0, 0.0], abs=1e-6)
+    with pytest.raises(ComputationError, match=r"probe wall are not computed.*holds its element .* by a whole section"):
+        ancf2d.solve(case, {"bodies.beam.element.type": "2d2n"}, states=False)

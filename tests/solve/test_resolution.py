@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any
 
 import helpers
 import pytest
+from scipy.optimize import brentq
 
 from ancf2d.case import LoadedCase
 from ancf2d.solvers import resolution
@@ -231,6 +233,32 @@ def test_a_rubber_bar_at_any_stretch_is_not_judged_by_a_linear_law(stretch: floa
     case = helpers.load({"b": body}, "static", bc=[{"type": "clamp", "at": "b@0", "hold": "breathe"},
                                                    {"type": "prescribed", "at": "b@1", "ux": stretch - 1.0, "uy": 0.0}])
     assert not said(run_case(case))
+
+
+@pytest.mark.parametrize("force", [500.0, 2000.0])
+def test_modes_about_a_stretched_rubber_bar_are_not_judged_by_a_linear_law(force: float) -> None:
+    """The axial frequency is that of the tangent modulus, (pi/2) sqrt(dP/dl / rho) for a bar with one end held."""
+    mu, rho = 2e6 / 3, 1100.0
+    stretch = brentq(lambda x: mu * (x - x**-2) - force / 0.0025, 1.0, 9.0)
+    body = helpers.body(helpers.line(1.0), helpers.element("2d3n", 16, formulation="continuum"),
+                        {"height": 0.05, "width": 0.05}, {"E": 2e6, "nu": 0.499, "rho": rho, "law": "neo_hooke"})
+    outcome = run_case(helpers.load(
+        {"b": body}, {"type": "eigen", "about": "static", "modes": 4},
+        bc=[{"type": "clamp", "at": "b@0", "hold": "breathe"}],
+        loads=[{"type": "force", "at": "b@1", "value": [force, 0], "spread": "uniform"}]))
+    axial = next(mode for mode in outcome.summary["frequencies"] if mode["kind"] == "axial")
+    assert axial["omega"] == pytest.approx(math.pi / 2 * math.sqrt(mu * (1 + 2 * stretch**-3) / rho), rel=5e-3)
+    assert not said(outcome)
+
+
+@pytest.mark.parametrize("count", [8, 64])
+def test_a_clamp_that_breathes_does_not_make_a_fine_mesh_coarse(count: int) -> None:
+    """Its forces act on three nodes of the first element of 2d3n."""
+    body = helpers.body(helpers.line(1.0), helpers.element("2d3n", count), {"height": 0.2, "width": 0.01})
+    clamp = {"type": "clamp", "at": "b@0", "hold": "breathe"}
+    outcome = run_case(helpers.load({"b": body}, "linear_static", bc=[clamp],
+                                    loads=[{"type": "force", "at": "b@1", "value": [0, -1]}]))
+    assert not said(outcome)
 
 
 @pytest.mark.parametrize("solver", ["linear_static", "static"])

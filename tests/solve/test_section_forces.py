@@ -208,3 +208,50 @@ def test_items_between_nodes_act_at_their_positions(element: str, kind: str, nod
         # supports beside a shear of their own, whose stiffness is not the bending one's alone
         rel = 5e-2 if kind == "support" else 1e-4
         assert [found[k] for k in "NQM"] == pytest.approx(expected, rel=rel, abs=1e-4 * size)
+
+
+# what acts on whole sections or beside the axis at the ends, and N, Q, M between them, with x = 2 s
+END = "boundary_conditions: [{type: clamp, at: beam@0}]\nloads: "
+ACROSS = {
+    "breathing clamp": ("""
+boundary_conditions: [{type: clamp, at: beam@0, hold: breathe}]
+loads: [{type: force, at: beam@1, value: [20, -100]}]""", lambda x: (20.0, -100.0, -100.0 * (2 - x))),
+    "spread pins": ("""
+boundary_conditions:
+  - {type: pin, at: beam@0, spread: uniform}
+  - {type: roller, at: beam@1, fixed: y, spread: parabolic}
+loads: [{type: force, at: beam@1, value: [20, 0], spread: uniform}, {type: moment, at: beam@0, value: 30}]
+""", lambda x: (20.0, -15.0, -15.0 * (2 - x))),
+    "spread force": (END + "[{type: force, at: beam@1, value: [20, -100], spread: parabolic}]",
+                     lambda x: (20.0, -100.0, -100.0 * (2 - x))),
+    "spread follower": (END + "[{type: follower_force, at: beam@1, value: [20, -100], spread: uniform}]",
+                        lambda x: (20.0, -100.0, -100.0 * (2 - x))),
+    "eyelets": (END + "[{type: tendon, through: [{at: beam@0, y: 0.04}, {at: beam@1, y: 0.04}], tension: 50}]",
+                lambda x: (-50.0, 0.0, 2.0))}
+
+
+@covering(element=["2d2n", "2d3n", "2d2n-nu", "2d3n-nu", "vallejo"], kind=ACROSS, s=[0, 0.1, 0.3333333333333333, 1])
+def test_forces_on_whole_sections_act_at_the_ends_of_their_elements(element: str, kind: str, s: float) -> None:
+    """In types with a common coefficient of x^2 and y^2 they act on coordinates of other nodes, too."""
+    rest, exact = ACROSS[kind]
+    found = forces(element, f"{rest}\nsolver: {{type: linear_static}}", s)
+    assert found == pytest.approx(exact(2 * s), rel=1e-6, abs=1e-4)
+
+
+@pytest.mark.parametrize("law", ["", pytest.param("law: {stiffness: 1e9}", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("element", ["2d2n", pytest.param("2d3n", marks=pytest.mark.slow)])
+def test_contact_at_the_corner_of_a_section_acts_at_the_end_of_its_element(element: str, law: str) -> None:
+    """A floor bears the end of a cantilever, which sags: between the corner there and the load, Q is its force."""
+    rest = """
+boundary_conditions: [{type: clamp, at: beam@0}]
+loads: [{type: force, at: beam@0.5, value: [0, -2000]}]
+obstacles: {floor: {type: half_plane, through: [0, -0.0502], normal: [0, 1]}}
+contacts: [{between: [beam, floor], LAW}]
+solver: {type: static}""".replace("LAW", law)
+    text = BEAM.format(element=element, rest=rest, s=0.9, nodes="acting")
+    summary = run_case(load_case_text(text)).summary
+    force, at = summary["reactions"]["floor"]["fy"], summary["probes"]["p"]
+    assert force > 100.0
+    assert at["Q"] == pytest.approx(force, rel=1e-4)
+    # a layer bears along a part of the face
+    assert law or at["M"] == pytest.approx(0.2 * force, rel=1e-2)

@@ -121,6 +121,16 @@ def test_wrong_expressions_are_refused(text, message):
         read_measure(text, "--minimise", Vocabulary(ancf2d.load(TEXT)))
 
 
+def test_all_unknown_names_of_expressions_are_told_at_once():
+    with pytest.raises(CaseError) as caught:
+        ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mas + max(stres) + 2*tip.uz + mas",
+                        "min(gaol + tip.ux*zeal) <= tip.uw")
+    said = sorted(p.message.split(" is unknown")[0] for p in caught.value.problems)
+    assert said == ["'gaol'", "'mas'", "'stres'", "'tip.uw'", "'tip.uz'", "'zeal'"]
+    # below the first letters of the names
+    assert {p.source_line[p.column - 1:][:2] for p in caught.value.problems} == {"ga", "ma", "st", "ti", "ze"}
+
+
 def test_fields_that_materials_do_not_have_are_reported():
     case = ancf2d.load(TEXT, ["solver={type: static}", "bodies.beam.material.yield=1e9",
                               "bodies.beam.element.formulation=structural"])

@@ -141,7 +141,9 @@ class ExpressionText(Text):
         try:
             return formula(text, binder.names(self.variable, self.local, self.feedback))
         except ExpressionError as error:
-            return binder.fail(place_inside(node, error.column), path, f"{dotted(path)}: {error}", near=error.near)
+            for one in error.each:
+                binder.fail(place_inside(node, one.column), path, f"{dotted(path)}: {one}", near=one.near)
+            return INVALID
 
 
 def place_inside(node: Node, column: int) -> Mark:

@@ -26,6 +26,9 @@ from ..points import add_to, amplitude_of, fields_of_item, law_of_item, rates_of
 from .dynamics import to_unknowns
 from .state import SIZE, evaluate_with_gradient
 
+# a state that is smaller is zero: weights, relative to its size, would be infinite
+LEAST_SIZE = 1e-200
+
 _angle_near = part(point_laws.angle_near)
 # kinds of quantities: a position, its rate, the angle of a direction, its rate
 POSITION, RATE, ANGLE, SPIN = range(4)
@@ -211,7 +214,7 @@ def feedback_accept(p, w):  # type: ignore[no-untyped-def]
             f.last_angle[i] = _angle_near(f.start[i], ux, uy, f.last_angle[i])
     for j in range(f.states):
         size = abs(w.d[p.full[p.inner + j]])
-        if size > f.scale[j]:
+        if size > max(f.scale[j], LEAST_SIZE):
             f.scale[j] = size
         if f.scale[j] > 0.0:
             p.straining[p.inner + j] = p.extent / f.scale[j]
@@ -232,6 +235,8 @@ def bound_integrals(p, rate):  # type: ignore[no-untyped-def]
 def weigh_state(p, s, j, rate):  # type: ignore[no-untyped-def]
     """Set the weight of state j in error norms: relative to its largest size, or to ``time_scale`` times its rate."""
     scale = max(p.feedback.scale[j], p.feedback.time_scale * rate)
+    if scale < LEAST_SIZE:
+        scale = 0.0
     p.feedback.scale[j] = scale
     p.weights[p.inner + j] = s.numbers[SIZE] / scale if scale > 0.0 else 0.0
 

@@ -9,6 +9,7 @@ import numpy as np
 from ...elements.shape import Array
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion.dynamics import signals_at
+from ...kernels.motion.feedback import LEAST_SIZE
 from ...kernels.motion.state import SIZE, fill_full
 from ...model.feedback import ANGLE
 from ...model.point_patch import check_formulas
@@ -55,7 +56,8 @@ class MotionFeedback:
         self.sample(0.0)
         motion.consistent(0.0, np.zeros(len(s.z)))
         # states that start at zero are scaled by the value that they reach soon
-        motion.p.feedback.scale[:] = np.maximum(np.abs(s.z[inner:]), motion.p.feedback.time_scale * np.abs(s.v[inner:]))
+        sizes = np.maximum(np.abs(s.z[inner:]), motion.p.feedback.time_scale * np.abs(s.v[inner:]))
+        motion.p.feedback.scale[:] = np.where(sizes < LEAST_SIZE, 0.0, sizes)
         self.set_weights()
 
     def set_weights(self) -> None:

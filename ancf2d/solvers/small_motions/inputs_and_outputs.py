@@ -59,7 +59,7 @@ class SmallForces:
         coords = influencing_coordinates(self.model, point.mesh, point.ie, base.state)
         if coords is None:
             raise ComputationError(f"N, Q and M of the probe {name} are not computed, because a support or joint holds "
-                                   "its element between the nodes", at={"probe": name},
+                                   "its element between the nodes or by a whole section", at={"probe": name},
                                    advice="the default element.nodes, which places a node there, or another probe")
         self.coords = coords
         self.forces = SectionForces(self.model, point.mesh, np.array([point.xi]))

@@ -249,13 +249,35 @@ class Curve:
         history = PlaceHistory()
         found = find(control, d, t, history)
         self.system.along = partial(self._response, control)
-        for _ in range(ROUNDS):
+        for number in range(ROUNDS):
+            touching = memory(self.model)
             changed, worst = update_active_set(self.system, found.d, found.t, history)
             if not changed:
                 return found
+            if number == 1 and (turned := self._turned_back(control, found, touching)) is not None:
+                return turned
             again = find(control, found.d, found.t, history)
             found = replace(again, iterations=max(found.iterations, again.iterations))
         raise not_found(found.t, worst)
+
+    def _turned_back(self, control: Control, found: Found, touching: list[Array]) -> Found | None:
+        """Return the equilibrium of an arc with the load factor on the other side of its start, or None if none fits.
+
+        Points that have just closed and would pull press there: a path turns back where a load pushes a body onto an
+        obstacle while the load factor falls. The contacts are those of ``found``, stored in ``touching``.
+        """
+        if not isinstance(control, ArcLength):
+            return None
+        changed = memory(self.model)
+        restore_memory(self.model, touching)
+        try:
+            turned = self._corrected(control, found.d, 2.0 * control.t0 - found.t)
+            if not update_active_set(self.system, turned.d, turned.t, PlaceHistory())[0]:
+                return turned
+        except ComputationError:
+            pass
+        restore_memory(self.model, changed)
+        return None
 
     def touch(self, start: Found, way: float) -> None:
         """Set the contacts at the start of a path to those just after it, with the load factor changing one ``way``.

@@ -19,8 +19,17 @@ from ..state import State
 from ..system import System
 from .continuation import Curve, Found, PathPoint
 from .newton import MAX_ITERATIONS, POOR, TOLERANCE, inexact, too_deep
-from .path_events import PathLog, ProbeGoal, goal_between, goal_of, hides_limit_points, limit_between
-from .path_steps import ArcSteps, ProbeSteps, Steps, leave, others_touch
+from .path_events import (
+    PathLog,
+    ProbeGoal,
+    corner_between,
+    goal_between,
+    goal_of,
+    hides_limit_points,
+    limit_between,
+    others_touch,
+)
+from .path_steps import ArcSteps, ProbeSteps, Steps, leave
 from .static import unscaled
 
 MOST_STEPS = 1000
@@ -170,7 +179,9 @@ class Follower:
         least = 0.0 if kink else AT_CORNER if corner else LARGEST_TURN
         for direction in (went,) if kink else (went, b.tangent):
             size = curve.metric.norm(direction) * curve.metric.norm(a.tangent)
-            if curve.metric.dot(direction, a.tangent) < least * size:
+            # where a body meets an obstacle below its load, the load factor turns back at an acute corner
+            if curve.metric.dot(direction, a.tangent) < least * size and (
+                    not kink or corner_between(curve, a, b) is None):
                 raise ComputationError("the path turns too sharply", at={"factor": float(f"{found.t:.6g}")})
         return b
 

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...case import LimitPoints, LoadFactor, ProbeReaches
+from ...elements.contact_geometry import STATUS
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
@@ -21,6 +22,8 @@ LIMIT_DIGITS = 1e-9
 # points this close determine the path between by the cubic through them (error of fourth order)
 NARROW = 1e-4
 MOST_TRIALS = 40
+# distance of a point from the straight legs of a corner before it, as a share of the step
+OFF_LEGS = 0.1
 SAMPLES = np.linspace(0.0, 1.0, 33)
 
 
@@ -177,8 +180,30 @@ def _closer(curve: Curve, low: PathPoint, high: PathPoint, s: float,
     return ends[0], ends[1]
 
 
+def others_touch(a: PathPoint, b: PathPoint) -> bool:
+    """Return whether the sets of closed contact points at two points of a path differ."""
+    return any((one[:, STATUS] != two[:, STATUS]).any() for one, two in zip(a.touching, b.touching, strict=True))
+
+
+def corner_between(curve: Curve, a: PathPoint, b: PathPoint) -> tuple[Array, float] | None:
+    """Return unknowns and load factor of the corner if the path goes straight to it from a, and from there straight to
+    b; else None.
+    """
+    free, metric, legs = curve.model.numbering.free, curve.metric, (a.tangent, b.tangent)
+    went = b.d[free] - a.d[free], b.t - a.t
+    G = [[metric.dot(one, other) for other in legs] for one in legs]
+    first, second = np.linalg.lstsq(G, [metric.dot(one, went) for one in legs], rcond=None)[0].tolist()
+    beside = metric.norm((went[0] - first * a.z - second * b.z, went[1] - first * a.rate - second * b.rate))
+    if min(first, second) < 0.0 or beside > OFF_LEGS * metric.norm(went):
+        return None
+    return a.d[free] + first * a.z, a.t + first * a.rate
+
+
 def _interpolated(curve: Curve, low: PathPoint, high: PathPoint, iterations: int) -> PathPoint:
-    """Return the point where dt/ds = 0 between two very close ones."""
+    """Return the point where dt/ds = 0 between two very close ones, or where it changes sign at a corner."""
+    if others_touch(low, high) and (corner := corner_between(curve, low, high)) is not None:
+        d, t = curve.model.displacements(*corner), corner[1]
+        return replace(low, d=d, t=t, balance=curve.system.forces(d, t), iterations=iterations)
     x = low.rate / (low.rate - high.rate)
     s = low.s + x * (high.s - low.s)
     d, t = between(curve.model, low, high, s)

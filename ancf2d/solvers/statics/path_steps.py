@@ -9,7 +9,6 @@ from typing import Protocol
 import numpy as np
 
 from ...case.schema.solvers import LARGEST_STEP, LOAD_STEPS
-from ...elements.contact_geometry import STATUS
 from ...elements.shape import Array
 from ...errors import ComputationError
 from .continuation import ArcLength, Control, Curve, Found, PathPoint, ProbeControl
@@ -26,11 +25,6 @@ END = 1e-12
 REST = 1e-5
 
 Scale = Callable[[Array, Array], float]
-
-
-def others_touch(a: PathPoint, b: PathPoint) -> bool:
-    """Return whether the sets of closed contact points at two points of a path differ."""
-    return any((one[:, STATUS] != two[:, STATUS]).any() for one, two in zip(a.touching, b.touching, strict=True))
 
 
 class Steps(Protocol):

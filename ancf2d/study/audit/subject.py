@@ -155,7 +155,8 @@ def _plan(name: str, spec: dict[str, Any], source: Source | None) -> BodyPlan:
 def _about(problem: Problem, spec: dict[str, Any], source: Source | None) -> Problem:
     """Return a problem of the test body in terms of the place where the user described the element."""
     key = problem.path[3] if len(problem.path) > 3 else ""
-    message = problem.message.replace("bodies.beam.element.", "").replace("bodies.beam.element: ", "")
+    message = problem.message.removeprefix(f"bodies.beam.element.{key}: ")
+    message = message.replace("bodies.beam.element.", "").replace("bodies.beam.element: ", "")
     if key in spec:
         return Problem(message, file=f"--{key}", expected=problem.expected, near=problem.near)
     if source is not None:
