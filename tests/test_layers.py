@@ -1,4 +1,4 @@
-"""Imports between folders, import cycles, and the sizes of files and functions."""
+"""Imports between folders, import cycles, sizes of files and functions, and what kernels leave out."""
 
 from __future__ import annotations
 
@@ -61,6 +61,16 @@ def test_inner_parts_of_numba_are_used_in_one_folder() -> None:
     inner = re.compile(r"^\s*(?:from|import) (?:llvmlite|numba\.(?:core|np|_\w+)|numba import _)", re.M)
     users = {path.relative_to(PACKAGE).parent.as_posix() for path in SOURCES() if inner.search(path.read_text("utf-8"))}
     assert users == {"kernels/lowlevel"}
+
+
+def test_kernels_fill_no_slices_with_arrays() -> None:
+    """A slice on the left of an array takes numba two seconds in each process, a loop nothing."""
+    found = {f"{path.name}:{node.lineno}" for path, nodes in NODES().items() if path.is_relative_to(PACKAGE / "kernels")
+             for function in nodes if isinstance(function, ast.FunctionDef) and function.decorator_list
+             for node in ast.walk(function) if isinstance(node, ast.Assign)
+             if any(isinstance(target, ast.Subscript) and isinstance(target.slice, ast.Slice)
+                    for target in node.targets) and not isinstance(node.value, ast.Constant | ast.Attribute)}
+    assert not found
 
 
 @pytest.mark.parametrize("room", ROOMS)

@@ -18,6 +18,7 @@ from ..solvers.motion.integrators import INTEGRATORS
 from .expressions import GoalValues
 from .gradient import gradient
 from .run import run_case, vocabulary
+from .warmup import seldom_collected
 
 STIFF = {"E": 1e10, "nu": 0.3, "rho": 1000.0}
 DAMPED = {**STIFF, "damping": {"kelvin_voigt": 1e-4}}
@@ -49,7 +50,8 @@ def compile_everything(done: Callable[[float, str], None] = lambda share, what: 
     called with the share of cases done and the name of the next one. Raises the errors of the solvers.
     """
     known, cases = vocabulary(), [case for case in cases_of_every_kind() if wanted(case[0])]
-    with TemporaryDirectory() as folder:
+    # the many objects of compiled kernels would be looked through for garbage in each run, too
+    with TemporaryDirectory() as folder, seldom_collected():
         for k, (name, text, changes) in enumerate(cases):
             done(k / len(cases), name)
             loaded = load_case_text(text, name, changes, vocabulary=known)
@@ -97,12 +99,13 @@ def _small_cases() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "statics of contact between bodies", {**bodies, "contacts": [*bodies["contacts"], rough], "solver": STATIC}
     yield "generalized_alpha of contact between bodies", {**bodies, **impacts, "contacts": [*bodies["contacts"], rough]}
     yield "generalized_alpha of contact with obstacles", {**_contact_with_obstacles(), **impacts}
+    # integrators call these kernels by address, so one integrator suffices; they are many, for
+    # other processors to compile beside the steps of this one
+    yield "radau5 with controllers, events and moving points", {
+        **_feedback(), "solver": {**MOMENT, "method": "radau5"}, "output": {**FEW, "probes": {PROBE: "b@1"}}}
     # the same contacts with the steps of another method
     yield "radau5 of contact with obstacles", {**_contact_with_obstacles(), **impacts,
                                                "solver": {**STEP, "method": "radau5"}}
-    # integrators call these kernels by address, so one integrator suffices
-    yield "radau5 with controllers, events and moving points", {
-        **_feedback(), "solver": {**MOMENT, "method": "radau5"}, "output": {**FEW, "probes": {PROBE: "b@1"}}}
     yield from _memories()
     for name in METHODS:
         motion, conserved = {"solver": {**MOMENT, "method": name}, "output": FEW}, INTEGRATORS[name].conserves

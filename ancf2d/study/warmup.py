@@ -67,7 +67,7 @@ def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None, 
     begun, ended = threading.Event(), threading.Event()
     threading.Thread(target=_announce, args=(what, compiling, begun, ended), daemon=True).start()
     try:
-        with _compile_lock(CACHE, kernels, compiling) as new, _seldom_collected():
+        with _compile_lock(CACHE, kernels, compiling) as new, seldom_collected():
             begun.set()
             if isinstance(model.case.solver, Dynamic):
                 _touch_motion(model, model.case.solver, new)
@@ -93,7 +93,7 @@ def _announce(what: str, compiling: Callable[[str], None], begun: threading.Even
 
 
 @contextmanager
-def _seldom_collected() -> Iterator[None]:
+def seldom_collected() -> Iterator[None]:
     """Collect garbage rarely: compiling makes little of it, and looking for it takes a tenth of the time."""
     before = gc.get_threshold()
     gc.set_threshold(*SELDOM)

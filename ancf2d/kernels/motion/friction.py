@@ -195,7 +195,9 @@ def apply_friction_impulses(p, w, z, v, impulse, approach, status):  # type: ign
     regular, factors = allowed_rates(p, w, z, v, impulse, rhs)
     if not regular:
         return
-    whole_impulse, rates = impulse - approach, np.zeros(n)
+    whole_impulse, rates = np.zeros(n), np.zeros(n)
+    for k in range(n):
+        whole_impulse[k] = impulse[k] - approach[k]
     calls.solve(p.calls, (p, factors, whole_impulse))
     for k in range(n):
         rates[k] = (v[k] + rhs[k]) * p.coordinate[k]

@@ -39,12 +39,13 @@ def accelerations(p, w, factors, s, t):  # type: ignore[no-untyped-def]
     s.a[:] = 0.0
     calls.forces(p.calls, (p, w, s.z, s.v))
     residual(p, w, s.v, s.a)
+    for i in range(n):
+        rhs[i] = -w.R[i]
     if not constrained and len(p.moving.fixed) == 0:
-        s.a[:] = -w.R
+        copy(rhs, s.a)
         calls.solve(p.calls, (p, factors, s.a))
         return True
     velocity, acceleration, motion = np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(n)
-    rhs[:] = -w.R
     constraint_matrix(p, w)
     rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
     calls.by_motion(p.calls, (p, w, 2, motion))
