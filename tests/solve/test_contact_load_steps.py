@@ -14,7 +14,7 @@ from ancf2d.errors import ComputationError
 from ancf2d.solvers.contact import contact_report
 from ancf2d.solvers.registry import solve
 from ancf2d.solvers.state_results import reactions
-from ancf2d.solvers.statics import static
+from ancf2d.solvers.statics import newton, static
 
 
 def test_a_cut_load_step_reopens_its_points(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -28,9 +28,9 @@ def test_a_cut_load_step_reopens_its_points(monkeypatch: pytest.MonkeyPatch) -> 
 
     def begun(system, *how):
         touched.append(sum(p.mem[STATUS] > 0.0 for one in system.model.contact_tables for p in one.points))
-        return newton(system, *how)
+        return found(system, *how)
 
-    newton = static.newton
+    found = static.newton
     monkeypatch.setattr(static, "check_sound", refused)
     monkeypatch.setattr(static, "newton", begun)
     solution = helpers.Solution(strip(4, bc=[CLAMP], loads=[{"type": "force", "at": "beam@1", "value": [0, -1.0]}],
@@ -39,6 +39,24 @@ def test_a_cut_load_step_reopens_its_points(monkeypatch: pytest.MonkeyPatch) -> 
     assert solution.state.t == 1.0
     assert touched[:2] == [0, 0]
     assert touched[-1] > 0
+
+
+def test_a_step_whose_points_go_to_and_fro_ends_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two points that open and close in turn, without end: a step with so little hope is made shorter at once."""
+    rounds = []
+
+    def swapped(system, d, t, *how):
+        rounds.append(t)
+        first, second = (one.points[k] for one in system.model.contact_tables for k in (-1, -2))
+        first.mem[STATUS], second.mem[STATUS] = (1.0, 0.0) if len(rounds) % 2 else (0.0, 1.0)
+        return 1, 0.0
+
+    monkeypatch.setattr(newton, "update_active_set", swapped)
+    model = strip(4, bc=[CLAMP], loads=[{"type": "force", "at": "beam@1", "value": [0, -1.0]}],
+                  obstacles={"solid": {"type": "half_plane", "through": [0, -1e-3], "normal": [0, 1]}})
+    with pytest.raises(ComputationError, match="the contact points were not found"):
+        helpers.Solution(model)
+    assert 2 * newton.VISITS < rounds.count(rounds[0]) <= 2 * newton.VISITS + 2 < newton.ROUNDS
 
 
 def test_no_step_leads_past_a_disc_between_two_nodes() -> None:

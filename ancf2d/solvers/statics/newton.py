@@ -51,7 +51,7 @@ SLOWEST = 0.9
 # number of times that the same points may press, at the same places, on the way to one equilibrium
 VISITS = 8
 # stiffness of contact layers, relative to their own, in the solutions that lead to one that fails at once
-SOFTER = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+SOFTER = (1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3)
 
 
 @dataclass
