@@ -61,6 +61,11 @@ def pressing_points(model: Model) -> tuple[bytes, ...]:
     return tuple(out)
 
 
+def layers_pressed(model: Model, d: Array, t: float) -> list[Any]:
+    """Return which points (m,) of each contact with a law are in its layer at d (n_full,)."""
+    return [one.gaps(d, t)[0] < 0.0 for one in model.contact_tables if not one.pair.hard]
+
+
 @contextmanager
 def softer_layers(model: Model, share: float) -> Iterator[None]:
     """Make contact layers softer within a block: their stiffness, and that of their friction, is a share of it."""

@@ -52,6 +52,12 @@ def test_a_path_passes_all_obstacles_of_a_beam(seed: int, number: int) -> None:
     assert touching.pressed(seed, number, method="arc_length", until={"load_factor": 1}) == []
 
 
+@pytest.mark.parametrize("number", [4, 30, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 7, 12, 15, 17, 24))])
+def test_a_path_passes_the_layers_of_obstacles(number: int) -> None:
+    """The path has a kink of more than 45 degrees where points enter a stiff layer."""
+    assert touching.pressed(77, number, stiffness=1e7, method="arc_length", until={"load_factor": 1}) == []
+
+
 @pytest.mark.parametrize("number", [19, *(pytest.param(k, marks=pytest.mark.slow) for k in (4, 10))])
 def test_a_beam_pressed_onto_stiff_layers_has_an_equilibrium(number: int) -> None:
     """A full increment of Newton's method leads from inside a layer out of it, and the next one back."""

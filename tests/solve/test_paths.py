@@ -313,7 +313,7 @@ def test_limit_points_are_in_summary_checks_and_result_file(tmp_path):
                                                              (1, -1, 0, False), (-1, -1, 0.5, True), (1, 1, 0.2, True)])
 def test_pairs_of_limit_points_within_a_step_are_found_by_the_cubic(low, high, rise, hidden):
     def point(s, t, rate):
-        return PathPoint(np.zeros(1), t, s, np.zeros(1), rate, 0, None, 0, 0.0, 0.0, [])
+        return PathPoint(np.zeros(1), t, s, np.zeros(1), rate, 0, None, 0, 0.0, 0.0, [], [])
 
     x = np.linspace(0, 1, 1001)
     slope = low * (1 - x) ** 2 + 2 * (3 * rise - low - high) * x * (1 - x) + high * x**2

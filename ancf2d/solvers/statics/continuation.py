@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from ...kernels.elements import natural_slope
 from ...model.model import Model
 from ...model.rotation import Rotation
 from ..active_set import PENETRATION, ROUNDS, initialise_active_set, not_found, update_active_set
-from ..contact import memory, restore_memory
+from ..contact import layers_pressed, memory, restore_memory
 from ..least_motion import UNIT_ROUNDOFF
 from ..lift_off import PlaceHistory, fix_places, release_places
 from ..linear import GeneralSparse
@@ -68,7 +68,8 @@ class Metric:
 class PathPoint:
     """An equilibrium with its tangent ``z`` (n_unknowns,) = dz/ds, ``rate`` = dt/ds; s is the path's parameter.
 
-    ``uncertainty`` [m] if round-off ended the iteration, else 0; ``touching`` is the stored state of the contacts.
+    ``uncertainty`` [m] if round-off ended the iteration, else 0; ``touching`` is the stored state of the contacts,
+    ``pressed`` which points are in layers.
     """
 
     d: Array
@@ -82,6 +83,7 @@ class PathPoint:
     increment: float
     uncertainty: float
     touching: list[Array]
+    pressed: list[Any]
 
     @property
     def tangent(self) -> tuple[Array, float]:
@@ -389,7 +391,7 @@ class Curve:
         rate = scale(found.d, by_load)
         negative = pivots.negative - self.model.numbering.n_multipliers
         return PathPoint(found.d, found.t, s, rate * by_load, rate, negative, balance, found.iterations,
-                         found.increment, found.uncertainty, touching)
+                         found.increment, found.uncertainty, touching, layers_pressed(self.model, found.d, found.t))
 
     @property
     def knows_inertia(self) -> bool:

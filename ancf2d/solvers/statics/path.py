@@ -139,7 +139,7 @@ class Follower:
         """Return the start of a path that ends there."""
         balance = self.curve.system.forces(begin.d, begin.t)
         return PathPoint(begin.d, begin.t, 0.0, np.zeros(self.model.numbering.n_unknowns), 0.0, 0, balance, 0, 0.0, 0.0,
-                         memory(self.model))
+                         memory(self.model), [])
 
     def _next(self, a: PathPoint, h: float) -> tuple[PathPoint, list[Event], list[str]]:
         """Return the next point, the events up to it in order, and warnings. Failed or doubtful steps are cut."""
@@ -171,8 +171,9 @@ class Follower:
         check_supports(curve.system, found.d, found.t)
         went = (found.d[free] - a.d[free], found.t - a.t)
         b = curve.point(found, a.s + h, self.steps.scale(a))
-        kink = curve.knows_inertia and others_touch(a, b)
-        if kink and not self.controlled and a.rate * b.rate * (-1.0) ** (b.negative - a.negative) < 0.0:
+        kink = others_touch(a, b)
+        back = a.rate * b.rate * (-1.0) ** (b.negative - a.negative) < 0.0
+        if kink and back and curve.knows_inertia and not self.controlled:
             b.z, b.rate = -b.z, -b.rate
         # where all of a bar starts to yield, the path has a corner at any step length
         corner = self.bends and h <= CORNERED * a.s

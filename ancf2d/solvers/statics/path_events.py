@@ -181,8 +181,9 @@ def _closer(curve: Curve, low: PathPoint, high: PathPoint, s: float,
 
 
 def others_touch(a: PathPoint, b: PathPoint) -> bool:
-    """Return whether the sets of closed contact points at two points of a path differ."""
-    return any((one[:, STATUS] != two[:, STATUS]).any() for one, two in zip(a.touching, b.touching, strict=True))
+    """Return whether the sets of points that press, closed ones and those in layers, differ at two points of a path."""
+    closed = any((one[:, STATUS] != two[:, STATUS]).any() for one, two in zip(a.touching, b.touching, strict=True))
+    return closed or any((one != two).any() for one, two in zip(a.pressed, b.pressed, strict=True))
 
 
 def corner_between(curve: Curve, a: PathPoint, b: PathPoint) -> tuple[Array, float] | None:
@@ -208,7 +209,7 @@ def _interpolated(curve: Curve, low: PathPoint, high: PathPoint, iterations: int
     s = low.s + x * (high.s - low.s)
     d, t = between(curve.model, low, high, s)
     return PathPoint(d, t, s, (1 - x) * low.z + x * high.z, 0.0, high.negative, curve.system.forces(d, t), iterations,
-                     high.increment, high.uncertainty, high.touching)
+                     high.increment, high.uncertainty, high.touching, high.pressed)
 
 
 def goal_between(curve: Curve, goal: Goal, a: PathPoint, b: PathPoint,
