@@ -54,10 +54,9 @@ def pressing_points(model: Model) -> tuple[bytes, ...]:
     """Return which contact points without a law press, where, and whether they stick or slide, for comparison."""
     out = []
     for one in (one for one in model.contact_tables if one.pair.hard):
-        closed = one.memory[:, STATUS] > 0.0
-        place = np.where(one.free, one.memory[:, PLACE].round(SAME_PLACES), 0.0)
-        out += [closed.tobytes(), np.where(closed, one.memory[:, [SLIP_STATUS]].T, 0.0).tobytes(),
-                np.where(closed, place, 0.0).tobytes()]
+        mem, closed = one.memory, one.memory[:, STATUS] > 0.0
+        place = np.where(one.free, mem[:, PLACE].round(SAME_PLACES), 0.0)
+        out += [closed.tobytes(), np.where(closed, [mem[:, SLIP_STATUS], place], 0.0).tobytes()]
     return tuple(out)
 
 

@@ -11,7 +11,7 @@ from ..system import Balance, System
 TOO_FAR = 0.5
 # the search ends if the work of the residual is below this share of that at the start, or after some evaluations
 FOUND, MOST = 0.2, 12
-# increments are slow if they decrease by less than this ratio; number of earlier ones that predict the next
+# increments are slow if each is more than this share of the one before; number of earlier ones that predict the next
 SLOW, MEMORY = 0.3, 3
 
 

@@ -35,8 +35,8 @@ from .static import unscaled
 MOST_STEPS = 1000
 # number of iterations that a step should take
 WANTED = 6
-# the path may turn by 45 degrees in a step, in the metric of the path, unless the set of closed contact points changes:
-# there it has a kink, and the inertia shows which way the load factor goes after it
+# the path may turn by 45 degrees in a step, in the metric of the path, unless other points press: there it may have a
+# kink, and the inertia shows which way the load factor goes after it
 LARGEST_TURN = np.cos(np.pi / 4)
 # and by 120 degrees at a corner; if it turns more, it goes back
 AT_CORNER = -0.5
