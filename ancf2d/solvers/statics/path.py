@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -103,7 +104,8 @@ class Follower:
             h = self._after(b, b.s - a.s, self._inertia_differs(a, b)) * self.steps.renew(b)
             h = min(h, self.steps.largest(b))
             self._settle(b.d, b.t)
-            a = b
+            # with the anchors of friction there
+            a = replace(b, touching=memory(self.model))
 
     def _begin(self) -> tuple[Found, State | None]:
         """Return the equilibrium at factor 0, and its state if constant loads move the model from the reference."""
@@ -115,7 +117,9 @@ class Follower:
             raise ComputationError(f"under the constant loads alone {f.reason}", at=f.at, history=f.history,
                                    advice=f.advice) from error
         if not states:
-            return Found(model.displacements(np.zeros(model.numbering.n_unknowns), 0.0), 0.0, 0, 0.0, 0.0), None
+            d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
+            self.curve.system.accept(d, 0.0)
+            return Found(d, 0.0, 0, 0.0, 0.0), None
         state = states[-1]
         state.t = 0.0
         state.history.update(step=0, factor=0.0)
