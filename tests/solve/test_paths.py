@@ -13,8 +13,9 @@ from ancf2d.case import load_case_text
 from ancf2d.errors import CaseError, ComputationError
 from ancf2d.results import open_results
 from ancf2d.solvers.registry import solve
-from ancf2d.solvers.statics.continuation import Curve, PathPoint, ProbeValue
+from ancf2d.solvers.statics.continuation import Curve, PathPoint
 from ancf2d.solvers.statics.path import Follower
+from ancf2d.solvers.statics.path_controls import ProbeValue
 from ancf2d.solvers.statics.path_events import hides_limit_points
 from ancf2d.solvers.system import System
 from ancf2d.study.run import run_case, vocabulary

@@ -10,58 +10,29 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from ...case import Probe
 from ...elements.contact_geometry import STATUS
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...kernels.elements import natural_slope
-from ...model.model import Model
-from ...model.rotation import Rotation
 from ..active_set import PENETRATION, ROUNDS, initialise_active_set, not_found, update_active_set
 from ..contact import layers_pressed, memory, restore_memory
 from ..least_motion import UNIT_ROUNDOFF
 from ..lift_off import PlaceHistory, fix_places, release_places
 from ..linear import GeneralSparse
-from ..state_results import position_of
 from ..system import Balance, System
-from .newton import at_floor, balanced, check_divergence, check_sound, has_converged
+from .layer_increments import LayerIncrements
+from .newton import at_floor, balanced, check_divergence, check_sound, has_converged, newton
+from .path_controls import ArcLength, Control, Metric
 
 # with history variables, iterations after which Newton steps are shortened, and by which factor: where yielding
 # sections meet, full steps may cycle between fibres that yield and fibres that unload
 FULL_STEPS, SHORTENED = 8, 0.75
 # half the difference in t for derivatives of prescribed constraints and springs; trial step that shows what touches
 SMALL = 1e-5
-
-
-class Control(Protocol):
-    """The equation that selects one point of a path."""
-
-    def evaluate(self, d: Array, t: float) -> tuple[float, Array, float]:
-        """Return c, its gradient (n_unknowns,) by the unknowns, and its derivative by t."""
-        ...
-
-
-@dataclass
-class Metric:
-    """Length of a change of state: root mean square displacement, with weight ``load`` [m^2] for the factor squared.
-
-    ``weights`` (n_unknowns,) [m^2 per unit squared] are zero for multipliers.
-    """
-
-    weights: Array
-    load: float
-
-    def dot(self, a: tuple[Array, float], b: tuple[Array, float]) -> float:
-        """Return the scalar product of two changes (of unknowns, of the load factor)."""
-        return float((self.weights * a[0]) @ b[0] + self.load * a[1] * b[1])
-
-    def norm(self, a: tuple[Array, float]) -> float:
-        """Return the length of a change."""
-        return float(np.sqrt(self.dot(a, a)))
 
 
 @dataclass
@@ -100,90 +71,6 @@ class Found:
     iterations: int
     increment: float
     uncertainty: float
-
-
-class ArcLength:
-    """|z - z0|^2 + psi^2 (t - t0)^2 = ds^2: the spherical constraint of Crisfield (1981), linearised each time."""
-
-    def __init__(self, curve: Curve, start: PathPoint, ds: float) -> None:
-        self.metric, self.free, self.ds = curve.metric, curve.model.numbering.free, ds
-        self.z0, self.t0 = start.d[self.free], start.t
-
-    def evaluate(self, d: Array, t: float) -> tuple[float, Array, float]:
-        """Return the constraint divided by ds, and its derivatives."""
-        dz, dt = d[self.free] - self.z0, t - self.t0
-        c = (self.metric.dot((dz, dt), (dz, dt)) - self.ds**2) / self.ds
-        return c, 2 / self.ds * self.metric.weights * dz, 2 / self.ds * self.metric.load * dt
-
-
-@dataclass
-class FactorControl:
-    """t = value: Newton's method at a load factor."""
-
-    value: float
-    n: int
-
-    def evaluate(self, d: Array, t: float) -> tuple[float, Array, float]:
-        """Return the constraint and its derivatives."""
-        return t - self.value, np.zeros(self.n), 1.0
-
-
-class ProbeValue:
-    """A quantity of a probe (x, y, ux, uy or theta) and its derivatives; rotations count full turns."""
-
-    def __init__(self, model: Model, probe: Probe, quantity: str) -> None:
-        self.model, self.quantity = model, quantity
-        self.point = model.point(probe.at, probe.y)
-        self.rotation = Rotation(self.point)
-        self.motion = model.displacements(np.zeros(model.numbering.n_unknowns), 1.0)
-        self.motion -= model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
-        self.theta = 0.0
-
-    def settle(self, d: Array, turned: Array) -> None:
-        """Count the probe's full turns from an equilibrium d with turns ``turned`` (``model.rotation.Turns``)."""
-        n = self.model.n_q
-        self.theta = self.model.turns.theta(self.rotation, self.model.e0 + d[:n], d[:n], turned)
-
-    def _theta(self, d: Array) -> float:
-        n = self.model.n_q
-        return self.rotation.value(self.model.e0 + d[:n], d[:n], self.theta)
-
-    def value(self, d: Array) -> float:
-        """Return the quantity at a state (n_full,)."""
-        theta = self._theta(d)
-        if self.quantity == "theta":
-            return theta
-        reference, u = position_of(self.point, self.model.e0, d[:self.model.n_q], theta, False)
-        k = "xy".index(self.quantity[-1])
-        return float(u[k] if self.quantity[0] == "u" else reference[k] + u[k])
-
-    def derivatives(self, d: Array) -> tuple[Array, float]:
-        """Return the gradient (n_unknowns,) by the unknowns and the derivative by t."""
-        full, e = np.zeros(len(d)), self.model.e0 + d[:self.model.n_q]
-        p = self.point
-        if self.quantity == "theta":
-            np.add.at(full, self.rotation.dofs, self.rotation.gradient(e))
-        else:
-            k = "xy".index(self.quantity[-1])
-            coords, weights = p.carrier.position()[k]
-            np.add.at(full, coords, weights)
-            if p.offset:
-                angle = p.angle + self._theta(d)
-                arm = -p.offset * (np.cos(angle), np.sin(angle))[k]
-                np.add.at(full, self.rotation.dofs, arm * self.rotation.gradient(e))
-        return self.model.numbering.reduce(full), float(full @ self.motion)
-
-
-@dataclass
-class ProbeControl:
-    """value(probe) = target: displacement control (Batoz & Dhatt 1979)."""
-
-    probe: ProbeValue
-    target: float
-
-    def evaluate(self, d: Array, t: float) -> tuple[float, Array, float]:
-        """Return the constraint and its derivatives."""
-        return self.probe.value(d) - self.target, *self.probe.derivatives(d)
 
 
 class Curve:
@@ -281,26 +168,40 @@ class Curve:
         restore_memory(self.model, changed)
         return None
 
-    def touch(self, start: Found, way: float) -> None:
-        """Set the contacts at the start of a path to those just after it, with the load factor changing one ``way``.
+    def first_point(self, start: Found, way: float, scale: Callable[[Array, Array], float]) -> PathPoint:
+        """Return the start of a path, with the contacts and tangent just after it, the load factor changing one ``way``.
 
-        Bodies that merely rest on obstacles at the start have no contact force that shows which points open at once.
+        Bodies that merely rest on obstacles at the start have no contact force that shows which points open at once,
+        and points at zero gap do not yet press. ``scale`` is that of ``point``.
         """
-        if not any(pair.hard for pair in self.model.contacts):
-            return
-        initialise_active_set(self.system, start.d, start.t)
-        touching = memory(self.model)
-        try:
-            t = start.t + way * SMALL
-            self.correct(FactorControl(t, self.model.numbering.n_unknowns), self.model.displacements(
-                start.d[self.model.numbering.free], t), t)
-            apart = any(gap > PENETRATION * self.model.extent for one in self.model.contact_tables if one.pair.hard
-                        for gap, p in zip(one.gaps(start.d, start.t)[0], one.points, strict=True)
-                        if p.mem[STATUS] > 0.0)
-        except ComputationError:
-            apart = True
-        if apart:
+        hard, t = any(pair.hard for pair in self.model.contacts), start.t + way * SMALL
+        if hard:
+            initialise_active_set(self.system, start.d, start.t)
+        touching, after = memory(self.model), self._just_after(start, t)
+        if after is None or (hard and self._apart(start)):
             restore_memory(self.model, touching)
+        point = self.point(start, 0.0, scale)
+        if after is not None and any((one != two).any() for one, two in zip(
+                point.pressed, layers_pressed(self.model, after, t), strict=True)):
+            by_load = (after - start.d)[self.model.numbering.free] / (t - start.t)
+            point.rate = scale(start.d, by_load)
+            point.z = point.rate * by_load
+        return point
+
+    def _just_after(self, start: Found, t: float) -> Array | None:
+        """Return the equilibrium at t from the start of a path if bodies touch anything, or None if none is found."""
+        if not self.model.contacts:
+            return None
+        self.system.count_from(self.turns)
+        try:
+            return newton(self.system, start.d.copy(), start.t, t, self.tolerance, self.max_iterations).d
+        except ComputationError:
+            return None
+
+    def _apart(self, start: Found) -> bool:
+        """Return whether a closed point has a gap at the start."""
+        return any(gap > PENETRATION * self.model.extent for one in self.model.contact_tables if one.pair.hard
+                   for gap, p in zip(one.gaps(start.d, start.t)[0], one.points, strict=True) if p.mem[STATUS] > 0.0)
 
     def _response(self, control: Control, d: Array, t: float) -> Callable[[Array], Array]:
         """Return the function that gives the response to forces while the load factor follows the control."""
@@ -332,12 +233,24 @@ class Curve:
 
     def _corrected(self, control: Control, d: Array, t: float) -> Found:
         """Return the equilibrium that satisfies the control with the present set of closed points."""
-        system, num = self.system, self.model.numbering
+        system, free = self.system, self.model.numbering.free
         increments: list[float] = []
         residuals: list[float] = []
+        layers = None
+        if not all(pair.hard for pair in self.model.contacts):
+            layers = LayerIncrements(np.sqrt(np.append(self.metric.weights, self.metric.load)))
+
+        def residual(x: Array) -> Array:
+            nonlocal d, t
+            t = float(x[-1])
+            d = self.model.displacements(x[:-1], t)
+            return system.forces(d, t).R
+
         for iteration in range(1, self.max_iterations + 1):
-            at = {"factor": float(f"{t:.6g}")}
             balance = system.assemble(d, t)
+            if layers and layers.shortened(balance.R, residual):
+                balance = system.assemble(d, t)
+            at = {"factor": float(f"{t:.6g}")}
             residuals.append(float(np.max(np.abs(balance.R), initial=0.0)))
             if not np.isfinite(residuals[-1]):
                 raise ComputationError("the forces are no longer finite", at=at, history=residuals)
@@ -350,10 +263,12 @@ class Curve:
             stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
             if stalled and at_floor(balance.R, system.noise(d, t)):
                 return Found(d, t, iteration, increments[-1], min(increments[-2:]))
-            d, t = self.model.displacements(d[num.free] + z, t + dt), t + dt
+            x, step = np.append(d[free], t), np.append(z, dt)
+            x += layers.next(x.copy(), step, balance.R) if layers else step
+            d, t = self.model.displacements(x[:-1], float(x[-1])), float(x[-1])
             # bodies that rest on obstacles may not move at all
             rests = bool(self.model.contacts) and max(increments[-2:]) <= UNIT_ROUNDOFF * self.model.extent
-            if ((rests or has_converged(increments, system.norm(d[num.free]), self.tolerance))
+            if ((rests or has_converged(increments, system.norm(d[free]), self.tolerance))
                     and balanced(system, system.forces(d, t), d, t)):
                 return Found(d, t, iteration, increments[-1], 0.0)
         raise ComputationError(f"Newton's method did not converge in {self.max_iterations} iterations", at=at,

@@ -162,10 +162,15 @@ def _newton(system: System, d: Array, t_old: float | None, t: float, tolerance: 
     """
     num, z, first = system.model.numbering, np.empty(system.model.numbering.n_unknowns), None
     at, increments, residuals = {"factor": float(f"{t:.6g}")}, list[float](), list[float]()
-    layers = None if all(pair.hard for pair in system.model.contacts) else LayerIncrements(system)
+    layers = None if all(pair.hard for pair in system.model.contacts) else LayerIncrements(system.weights)
+
+    def residual(x: Array) -> Array:
+        return system.forces(system.model.displacements(x, t, out=d), t, out=system.room).R
+
     for iteration in range(1, max_iterations + 1):
         balance = moved_balance(system, d, t_old if iteration == 1 else None, t)
-        balance = layers.within(balance, d, t) if layers else balance
+        if layers and layers.shortened(balance.R, residual):
+            balance = system.assemble(d, t, out=system.room)
         residuals.append(largest(balance.R))
         if not np.isfinite(residuals[-1]):
             raise ComputationError("the forces are no longer finite", at=at, history=residuals)

@@ -15,7 +15,8 @@ from ...errors import ComputationError
 from ...model.model import Model
 from ..state import State
 from ..state_results import Observer
-from .continuation import Control, Curve, FactorControl, PathPoint, ProbeControl, ProbeValue
+from .continuation import Curve, PathPoint
+from .path_controls import Control, FactorControl, ProbeControl, ProbeValue
 
 # displacements of a limit point are located to this share of the largest
 LIMIT_DIGITS = 1e-9

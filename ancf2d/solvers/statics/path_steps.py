@@ -11,7 +11,8 @@ import numpy as np
 from ...case.schema.solvers import LARGEST_STEP, LOAD_STEPS
 from ...elements.shape import Array
 from ...errors import ComputationError
-from .continuation import ArcLength, Control, Curve, Found, PathPoint, ProbeControl
+from .continuation import Curve, Found, PathPoint
+from .path_controls import ArcLength, Control, ProbeControl
 from .path_events import FactorGoal, Goal, ProbeGoal
 
 # first step of a path that does not end at a load factor, as a share of the largest step
@@ -65,8 +66,7 @@ class ArcSteps:
         self.origin = start.d[curve.model.numbering.free]
         self.moved = self.loaded = 0.0
         forward = -1.0 if isinstance(goal, FactorGoal) and goal.value < start.t else 1.0
-        curve.touch(start, forward)
-        self.start = curve.point(start, 0.0, lambda d, by_load: forward)
+        self.start = curve.first_point(start, forward, lambda d, by_load: forward)
         curve.metric.load = curve.metric.dot((self.start.z, 0.0), (self.start.z, 0.0))
         if curve.model.contacts and not self._moves(curve.metric.load):
             # bodies that rest on obstacles may move later
@@ -80,7 +80,7 @@ class ArcSteps:
 
     def control(self, a: PathPoint, h: float) -> Control:
         """Return the arc of length h from a."""
-        return ArcLength(self.curve, a, h)
+        return ArcLength(self.curve.model, self.curve.metric, a.d, a.t, h)
 
     def scale(self, a: PathPoint) -> Scale:
         """Return a function that scales a tangent to one unit of arc, on the side of a's tangent."""
@@ -135,8 +135,7 @@ class ProbeSteps:
         way = -goal.distance(start.d, start.t)
         self.sign, self.length = float(np.sign(way)), abs(way)
         self.step = self.length / (steps or LOAD_STEPS)
-        curve.touch(start, 1.0)
-        self.start = curve.point(start, 0.0, self._unit)
+        self.start = curve.first_point(start, 1.0, self._unit)
         # give load factor and displacements equal weight at the start
         curve.metric.load = curve.metric.dot((self.start.z, 0.0), (self.start.z, 0.0)) / self.start.rate**2
 
