@@ -24,9 +24,10 @@ STILL, BY_ANGLE, BY_DIRECTION = 0, 1, 2
 HALF_PLANE, CIRCLE, POLYLINE, BODY = 0, 1, 2, 3
 # par: position on the body, constants of the contact, pose of the obstacle in the reference, compliance of a point
 # between nodes (``contact_sliding``), shape of the obstacle, and what is OPPOSITE: its numbers, or another curve. A
-# curve is at y = OFFSET + SLOPE z + BULGE z^2 from an axis with rotating sections.
+# curve is at y = OFFSET + SLOPE z + BULGE z^2 from an axis with rotating sections. A face cannot touch where its normal
+# has a cosine of more than AWAY with the gradient of the gap.
 (SECTION, TERMS, OFFSET, SLOPE, BULGE, HOME, WEIGHT, STIFFNESS, DAMPING, FRICTION, STICK, TOUCH, POSE, POSE_X, POSE_Y,
- LENGTH, FACE, BENDING, SHEAR, SHAPE, OPPOSITE) = range(21)
+ LENGTH, FACE, AWAY, BENDING, SHEAR, SHAPE, OPPOSITE) = range(22)
 # the same places in hard contact: the constant c of ``contact.hard``, and half of the interval, in z, that a point may
 # move in about its HOME
 AUGMENTATION, HALF_INTERVAL = STIFFNESS, DAMPING
@@ -52,8 +53,6 @@ AT, AT_1, AT_2, RHO, BY, BY_BY, VECTOR, MATRIX, ROW, OTHER = 0, 9, 18, 27, 29, 4
 WORK = 388
 # most fields of a contact
 MOST_FIELDS = 100
-# cosine of the angle between face normal and gap gradient: a face turned away by more is the back of a thin body
-BACK = 0.7
 # exponent of the depth in a layer as a function of the force, for round surfaces
 POWER = 2.0 / 3.0
 
@@ -349,7 +348,7 @@ def faces_away(par, nx, ny, work):  # type: ignore[no-untyped-def]
         tx, ty = -par[FACE] * work[BY + 2], -par[FACE] * work[BY + WIDE + 2]
     else:
         tx, ty = curve_derivative(par, work, AT_1, 1)
-    return par[FACE] * (tx * ny - ty * nx) > BACK * np.sqrt(tx * tx + ty * ty)
+    return par[FACE] * (tx * ny - ty * nx) > par[AWAY] * np.sqrt(tx * tx + ty * ty)
 
 
 def next_start_gap(last, gap, faces):  # type: ignore[no-untyped-def]

@@ -15,7 +15,7 @@ import numpy as np
 
 from .contact_geometry import (
     ANCHOR,
-    BACK,
+    AWAY,
     BY_ANGLE,
     BY_DIRECTION,
     CIRCLE,
@@ -287,7 +287,7 @@ def faces_away(par, x1, y1, nx, ny, bends, q):  # type: ignore[no-untyped-def]
     if int(par[SECTION]) == OF_THETA:
         x1, y1 = -par[FACE] * bends[0], -par[FACE] * bends[1]
     tx, ty = q[2] * x1 + q[3] * y1, q[2] * y1 - q[3] * x1
-    return par[FACE] * (tx * ny - ty * nx) > BACK * np.sqrt(tx * tx + ty * ty)
+    return par[FACE] * (tx * ny - ty * nx) > par[AWAY] * np.sqrt(tx * tx + ty * ty)
 
 
 def safe_change(par, gap, length, offset, q):  # type: ignore[no-untyped-def]

@@ -41,8 +41,8 @@ TOO_DEEP = 0.4
 SELF_DISTANCE = 1.0
 # relative to a height: step along the bodies when searching overlaps near a joint
 SEARCH_STEP = 0.05
-# length along which pressure fades at ends in motion, relative to that of a point, and to the size of the other body
-FADE, FADE_BESIDE = 1.0 / 3.0, 0.25
+# length along which pressure fades at ends in motion, relative to that of an element, and to the size of the other body
+FADE, FADE_BESIDE = 1.0 / 12.0, 0.25
 # least turn [rad] and change of the height, relative to it, at which pressure fades in motion like at an end
 TURN, STEP = 0.1, 0.02
 # number of places along each curve for the geometry check in the reference
@@ -184,9 +184,10 @@ class BodyPair:
             both[:len(rows), :rows.shape[1]], both[len(rows):, rows.shape[1]:] = rows, opposite.G
             G.append(both)
             start.append(np.concatenate([rows @ mesh.e0[mesh.dofs[p.ie] - mesh.first_dof], opposite.p0]))
+            face = face_of(mesh, p, self.item.side)
             par.append([kind, terms, *offset_of(mesh, p.ie, p.eta), p.z, *self._law(p), TOUCH * self.scale,
-                        geometry.STILL, 0.0, 0.0, 1.0, self._face(p), 0.0, 0.0, geometry.BODY, *opposite.constants,
-                        *self._limits(p)])
+                        geometry.STILL, 0.0, 0.0, 1.0, face, 0.0, 0.0, 0.0, geometry.BODY, *opposite.constants,
+                        *self._limits(p, face)])
         own = np.array([mesh.dofs[p.ie] for p in self.spots]).reshape(len(self.spots), -1)
         self.dofs: Index = np.hstack([own, np.broadcast_to(opposite.dofs, (len(own), len(opposite.dofs)))])
         self.G, self.p0, self.par = np.array(G), np.array(start), np.array(par)
@@ -279,20 +280,17 @@ class BodyPair:
             return p.weight, 1.0, reach, mu, float(section.rhoA) * self.mesh.plan.length * self.rapid**2
         return p.weight, section.EI / l**3, reach, mu, STICK * section.EA / l
 
-    def _face(self, p: Spot) -> float:
-        # Gauss points of a compliant contact at the end of a body are on neither face
-        return 0.0 if _is_end(self.mesh, p) and not self.hard else face_of(p, self.item.side)
-
-    def _limits(self, p: Spot) -> list[float]:
+    def _limits(self, p: Spot, face: float) -> list[float]:
         """Return the constants that limit where a point may touch (``contact_gaps``)."""
         itself, other = self.against is self.mesh, self.against.plan
         loop = other.length if other.closed else 0.0
         height, opposite = _mean_height(self.mesh, self.against), float(other.section.height)
-        corner = p.z if _is_end(self.mesh, p) else 0.0
+        # a layer has points of the faces beside those of the end
+        corner = p.z if _is_end(self.mesh, p) and (self.hard or face == 0.0) else 0.0
         yields = float(pieces_along(self.against)) if self.hard and (
             corner == 1.0 if itself else not self.whole) else 0.0
         beside = FADE_BESIDE * min(opposite, other.length)
-        fade = min(FADE * p.weight, beside) if self.fades else 0.0
+        fade = min(FADE * float(self.mesh.lengths[p.ie]), beside) if self.fades else 0.0
         return [DEEPEST * (max(height, opposite) if fade else height), place_along(self.mesh, p),
                 float(self.mesh.lengths[p.ie]), SELF_DISTANCE * height if itself else 0.0, loop if itself else 0.0,
                 corner, float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"), yields, loop,

@@ -39,6 +39,9 @@ NAME = Name()
 STICK = 100.0
 # largest gap that counts as closed, relative to the extent of the scene
 TOUCH = 1e-12
+# largest cosine between face normal and gap gradient at which a face may touch: a thin body has a back; with a law, the
+# end of a body bears alone if it is nearly parallel to the obstacle
+BACK, BACK_OF_LAYER = 0.7, -0.3
 
 
 @record
@@ -142,8 +145,9 @@ class ContactPair:
             start.append(np.concatenate([own @ mesh.e0[mesh.dofs[p.ie] - mesh.first_dof], p0]))
             dofs.append(np.concatenate([mesh.dofs[p.ie], coords]))
             par.append([kind, terms, *offset_of(mesh, p.ie, p.eta), p.z, p.weight, *self._law(p), TOUCH * extent,
-                        frame.kind, *frame.origin, frame.length, face_of(p, item.side),
-                        *compliances_of(mesh, p, self.places_move), *obstacle.shape()])
+                        frame.kind, *frame.origin, frame.length, face_of(mesh, p, item.side),
+                        BACK if self.hard else BACK_OF_LAYER, *compliances_of(mesh, p, self.places_move),
+                        *obstacle.shape()])
         self.dofs: Index = np.array(dofs)
         self.G, self.p0, self.par = np.array(G), np.array(start), np.array(par)
         self.mem: Array = np.zeros((len(self.spots), geometry.MEMORY))

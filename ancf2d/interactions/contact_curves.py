@@ -12,11 +12,12 @@ import numpy as np
 
 from ..elements import contact_gaps as facing
 from ..elements import contact_geometry as geometry
-from ..elements.shape import Array, gauss
+from ..elements.shape import Array, gauss, radau
 from ..model.mesh import BodyMesh, Index
 
-# Gauss points of a compliant contact along an element and over the end of a body; powers of a cubic curve
-ALONG, ACROSS, CUBIC = 4, 3, 4
+# points of a compliant contact along an element, over the end of a body, and beside this end, along a share END of the
+# element; powers of a cubic curve
+ALONG, ACROSS, BESIDE_END, END, CUBIC = 4, 3, 3, 0.125, 4
 
 
 @dataclass(frozen=True)
@@ -56,15 +57,14 @@ def levels_of(mesh: BodyMesh, side: str) -> list[float]:
 def spots(mesh: BodyMesh, side: str, compliant: bool, places_move: bool, between: int = 1) -> list[Spot]:
     """Return the spots of a body that may touch.
 
-    A compliant contact is integrated over Gauss points of the faces and ends. A hard contact has spots at the ends of
-    elements and, in motion, at inner positions (``pieces_along``), and free ones in each interval, ``between`` in
-    number; in statics (``places_move``) an element is one interval.
+    A compliant contact is integrated over points of the faces (``layer_rule``) and ends. A hard contact has spots at
+    the ends of elements and, in motion, at inner positions (``pieces_along``), and free ones in each interval,
+    ``between`` in number; in statics (``places_move``) an element is one interval.
     """
     out, count = [], len(mesh.dofs)
     if compliant:
-        x, w = gauss(ALONG)
-        out = [Spot(ie, 2.0 * a - 1.0, eta, b * float(mesh.lengths[ie])) for eta in levels_of(mesh, side)
-               for ie in range(count) for a, b in zip(x.tolist(), w.tolist(), strict=True)]
+        out = [Spot(ie, float(2.0 * a - 1.0), eta, float(b * mesh.lengths[ie])) for eta in levels_of(mesh, side)
+               for ie in range(count) for a, b in zip(*layer_rule(mesh, ie), strict=True)]
         if side == "surface" and not mesh.plan.closed:
             low, high = levels_of(mesh, side)
             y, w = gauss(ACROSS)
@@ -83,6 +83,19 @@ def spots(mesh: BodyMesh, side: str, compliant: bool, places_move: bool, between
         if not mesh.plan.closed:
             out.append(Spot(count - 1, 1.0, eta, float(mesh.lengths[-1]) / parts))
     return out
+
+
+def layer_rule(mesh: BodyMesh, ie: int) -> tuple[Array, Array]:
+    """Return places in [0, 1] along an element, and weights, of the points of a layer.
+
+    They are closer at the ends of a body, the last of them there: a corner touches with little of a face, and a body
+    that bends around the end of another one with no more than that.
+    """
+    first, last = (not mesh.plan.closed and ie == end for end in (0, len(mesh.dofs) - 1))
+    (x, w), (z, v) = gauss(ALONG), radau(BESIDE_END)
+    start, room = first * END, 1.0 - (first + last) * END
+    places = [END * z[:first * len(z)], start + room * x, 1.0 - END * z[::-1][:last * len(z)]]
+    return np.concatenate(places), np.concatenate([END * v[:first * len(v)], room * w, END * v[::-1][:last * len(v)]])
 
 
 def movable(mesh: BodyMesh, side: str, compliant: bool, follows: Mapping[int, Any], places_move: bool) -> list[Spot]:
@@ -135,9 +148,12 @@ def height_along(mesh: BodyMesh, ie: int) -> Array:
     return np.array([middle, 0.5 * (last - first), 0.5 * (first + last) - middle]).round(14)
 
 
-def face_of(spot: Spot, side: str) -> float:
-    """Return 1 for a spot above the axis (upper face), -1 for one below (lower face), 0 on the axis."""
-    return 0.0 if side == "axis" or abs(spot.eta) < 1e-12 else math.copysign(1.0, spot.eta)
+def face_of(mesh: BodyMesh, spot: Spot, side: str) -> float:
+    """Return 1 for a spot on the upper face, -1 for one on the lower face, 0 on the axis or between the faces."""
+    if side == "axis":
+        return 0.0
+    low, high = levels_of(mesh, side)
+    return -1.0 if spot.eta == low else 1.0 if spot.eta == high else 0.0
 
 
 def offset_of(mesh: BodyMesh, ie: int, eta: float) -> Array:

@@ -253,9 +253,9 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
 @kernel
 @seldom
 def overlaps(points, d, amps, place, x, w, exact, summed):  # type: ignore[no-untyped-def]
-    """Fill the integral of the depth over z on each interval (n,) at d (n_full,), and its sum over points x (m,).
+    """Fill the integral of the depth over z on each interval (n,) at d (n_full,), and its sum over points x (n, m).
 
-    ``place`` (n,) is the deepest point of each interval; ``w`` (m,) are the weights of x in [0, 1].
+    ``place`` (n,) is the deepest point of each interval; ``w`` (n, m) are the weights of x in [0, 1].
     """
     u, v, a, work = vector(200), vector(200), vector(3), vector(WORK)
     for i in range(len(points.forces)):
@@ -267,8 +267,8 @@ def overlaps(points, d, amps, place, x, w, exact, summed):  # type: ignore[no-un
         exact[i], summed[i] = 0.0, 0.0
         if _is_apart(par, p0, u, work):
             continue
-        for k in range(len(x)):
-            summed[i] += length * w[k] * _depth(par, p0, u, low + length * x[k], work)
+        for k in range(x.shape[1]):
+            summed[i] += length * w[i, k] * _depth(par, p0, u, low + length * x[i, k], work)
         if summed[i] == 0.0 and _depth(par, p0, u, place[i], work) == 0.0:
             continue
         for side in range(2):
@@ -369,5 +369,5 @@ def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: boo
         if sided or soft:
             out.append(partial(deepest.compile, (points, b, x, xx, x, x, x)))
         if soft:
-            out.append(partial(overlaps.compile, (points, x, xx, x, x, x, x, x)))
+            out.append(partial(overlaps.compile, (points, x, xx, x, xx, xx, x, x)))
     return out

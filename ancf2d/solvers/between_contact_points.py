@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..elements.contact_geometry import CIRCLE, HALF_INTERVAL, HOME, OPPOSITE, POWER, SHAPE
-from ..elements.shape import Array, gauss
-from ..interactions.contact_curves import ALONG, Spot, levels_of
+from ..elements.shape import Array
+from ..interactions.contact_curves import Spot, layer_rule, levels_of
 from ..model.model import Model
 from .least_motion import least_size
 from .long_vectors import largest
@@ -41,6 +41,11 @@ class _ObstacleLayer:
                                             for ie, l in enumerate(lengths)])
         pair.par[:, HOME], pair.par[:, HALF_INTERVAL] = 0.0, 1.0
         self.half: Array = 0.5 * np.tile(mesh.lengths, len(levels))
+        # places and weights (intervals, points) of the points of the layer
+        rules = len(levels) * [layer_rule(mesh, ie) for ie in range(self.count)]
+        self.rule: Array = np.zeros((2, len(rules), max(len(x) for x, _ in rules)))
+        for k, (x, w) in enumerate(rules):
+            self.rule[:, k, :len(x)] = x, w
         self.table = contact_table((), pair)
         # the ends of the body, where it may be deepest without being parallel to the surface, and their intervals
         ends = [] if self.closed else [Spot(ie, z, eta, lengths[ie]) for eta in levels
@@ -61,7 +66,7 @@ class _ObstacleLayer:
             return 0.0, 0.0, 0.0
         table, amps = self.table.updated(d, t)
         exact, summed = np.zeros((2, len(depth)))
-        overlaps(table, d, amps, place, *gauss(ALONG), exact, summed)
+        overlaps(table, d, amps, place, *self.rule, exact, summed)
         both = self._sums_with_neighbours(self.half * np.array([exact, summed]))
         yields = depth * np.where(both[0] > 0.0, both[1] / np.where(both[0] > 0.0, both[0], 1.0), 1.0) ** POWER
         k = int(np.argmax(np.abs(depth - yields)))

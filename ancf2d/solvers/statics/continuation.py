@@ -33,6 +33,8 @@ from .path_controls import ArcLength, Control, Metric
 FULL_STEPS, SHORTENED = 8, 0.75
 # half the difference in t for derivatives of prescribed constraints and springs; trial step that shows what touches
 SMALL = 1e-5
+# multiples of it that are tried
+STARTS = (1.0, 10.0, 100.0, 1e3, 1e4)
 
 
 @dataclass
@@ -169,34 +171,40 @@ class Curve:
         return None
 
     def first_point(self, start: Found, way: float, scale: Callable[[Array, Array], float]) -> PathPoint:
-        """Return the start of a path, with the contacts and tangent just after it, the load factor changing one ``way``.
+        """Return the start of a path, with the contacts and tangent just after it as the load factor goes one ``way``.
 
         Bodies that merely rest on obstacles at the start have no contact force that shows which points open at once,
         and points at zero gap do not yet press. ``scale`` is that of ``point``.
         """
-        hard, t = any(pair.hard for pair in self.model.contacts), start.t + way * SMALL
+        hard = any(pair.hard for pair in self.model.contacts)
         if hard:
             initialise_active_set(self.system, start.d, start.t)
-        touching, after = memory(self.model), self._just_after(start, t)
-        if after is None or (hard and self._apart(start)):
+        touching, (after, step) = memory(self.model), self._just_after(start, way)
+        if step == 0.0 or (hard and self._apart(start)):
             restore_memory(self.model, touching)
         point = self.point(start, 0.0, scale)
-        if after is not None and any((one != two).any() for one, two in zip(
-                point.pressed, layers_pressed(self.model, after, t), strict=True)):
-            by_load = (after - start.d)[self.model.numbering.free] / (t - start.t)
+        if step != 0.0 and any((one != two).any() for one, two in zip(
+                point.pressed, layers_pressed(self.model, after, start.t + step), strict=True)):
+            by_load = (after - start.d)[self.model.numbering.free] / step
             point.rate = scale(start.d, by_load)
             point.z = point.rate * by_load
         return point
 
-    def _just_after(self, start: Found, t: float) -> Array | None:
-        """Return the equilibrium at t from the start of a path if bodies touch anything, or None if none is found."""
-        if not self.model.contacts:
-            return None
+    def _just_after(self, start: Found, way: float) -> tuple[Array, float]:
+        """Return an equilibrium (n_full,) next to the start of a path, and the change of the load factor.
+
+        The change is 0 if nothing touches, or if no equilibrium is found. With points at zero gap in layers, it may be
+        found only at larger loads, which curve the bodies.
+        """
         self.system.count_from(self.turns)
-        try:
-            return newton(self.system, start.d.copy(), start.t, t, self.tolerance, self.max_iterations).d
-        except ComputationError:
-            return None
+        for step in (way * SMALL * share for share in STARTS if self.model.contacts):
+            try:
+                t = start.t + step
+                return newton(self.system, start.d.copy(), start.t, t, self.tolerance, self.max_iterations).d, step
+            except ComputationError:
+                if all(pair.hard for pair in self.model.contacts):
+                    break
+        return start.d, 0.0
 
     def _apart(self, start: Found) -> bool:
         """Return whether a closed point has a gap at the start."""
