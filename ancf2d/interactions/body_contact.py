@@ -41,8 +41,8 @@ TOO_DEEP = 0.4
 SELF_DISTANCE = 1.0
 # relative to a height: step along the bodies when searching overlaps near a joint
 SEARCH_STEP = 0.05
-# length along which pressure fades at ends in motion, relative to that of an element, and to the size of the other body
-FADE, FADE_BESIDE = 1.0 / 12.0, 0.25
+# length along which pressure fades at ends in motion, relative to that of a point, and to the size of the other body
+FADE, FADE_BESIDE = 1.0 / 3.0, 0.25
 # least turn [rad] and change of the height, relative to it, at which pressure fades in motion like at an end
 TURN, STEP = 0.1, 0.02
 # number of places along each curve for the geometry check in the reference
@@ -290,7 +290,7 @@ class BodyPair:
         yields = float(pieces_along(self.against)) if self.hard and (
             corner == 1.0 if itself else not self.whole) else 0.0
         beside = FADE_BESIDE * min(opposite, other.length)
-        fade = min(FADE * float(self.mesh.lengths[p.ie]), beside) if self.fades else 0.0
+        fade = min(FADE * p.weight, beside) if self.fades else 0.0
         return [DEEPEST * (max(height, opposite) if fade else height), place_along(self.mesh, p),
                 float(self.mesh.lengths[p.ie]), SELF_DISTANCE * height if itself else 0.0, loop if itself else 0.0,
                 corner, float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"), yields, loop,

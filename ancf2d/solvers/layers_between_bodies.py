@@ -41,11 +41,11 @@ def _dense_points(pair: BodyPair) -> list[Spot]:
                    strict=True)
 
     out = []
-    for ie, eta in sorted({(p.ie, p.eta) for p in pair.spots if abs(p.z) < 1.0}):
+    for ie, eta in sorted({(p.ie, p.eta) for p in pair.spots if p.eta in levels}):
         begin, length = float(mesh.starts[ie]), float(mesh.lengths[ie])
         out += [Spot(ie, 2.0 * a - 1.0, eta, b * length) for a, b in divided(min(math.ceil(length / step), most))
                 if all(abs(begin + a * length - s) >= near for s, near in pair.excluded)]
-    for ie, z in sorted({(p.ie, p.z) for p in pair.spots if abs(p.z) == 1.0}):
+    for ie, z in sorted({(p.ie, p.z) for p in pair.spots if p.eta not in levels}):
         low, high = levels
         out += [Spot(ie, z, low + (high - low) * a, b * mesh.plan.section.height) for a, b in divided(4 * INTERVALS)]
     return out

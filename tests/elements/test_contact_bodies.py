@@ -39,7 +39,7 @@ class Point:
             curve[[gaps.END, gaps.END_MIDDLE, gaps.END_HALF, gaps.SIGN, gaps.CORNER]] = 1.0, 0.01, 0.08, -1.0, -1.0
             curve[[geometry.SLOPE, geometry.BULGE]] = face = 0.0
         self.par = np.array([kind, terms, *OFFSETS[one], 0.3, 0.7, 100.0, damping, 0.0, 1.0, 1e-12, geometry.STILL, 0.0,
-                             0.0, 1.0, face, 0.0, 0.0, 0.0, *curve])
+                             0.0, 1.0, face, 0.0, 0.0, 0.0, 0.0, *curve])
 
         def bent(section, count, angle=0.0):
             fields = 0.02 * rng.standard_normal((3 if "theta" in section else 2, count))

@@ -32,7 +32,7 @@ class Point:
         how, entries = POSES[pose]
         self.law = law
         self.par = np.array([kind, terms, *OFFSETS[section], 0.3, 0.7, 100.0, damping, friction, 50.0, 1e-12, how, 0.1,
-                             -0.05, LENGTH, 0.0, bends, 0.0, *SHAPES[shape]])
+                             -0.05, LENGTH, 0.0, 0.7, bends, 0.0, *SHAPES[shape]])
         curve = 0.02 * rng.standard_normal((3 if kind == geometry.OF_THETA else 2, terms))
         curve[0, :2] += [0.1, 0.5]
         curve[1, 0] += 0.12

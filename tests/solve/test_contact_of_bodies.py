@@ -83,7 +83,7 @@ def test_two_cantilevers_share_a_force_by_their_stiffness(name, law):
             contacts=[{"name": "touch", "between": order, **LAWS[law]}])))
     solution, other = found
     (report,), (turned,) = (contact_report(s.model, s.state) for s in found)
-    assert report["force"][1] == pytest.approx(shared_force(solution, 0.02), rel=5e-4)
+    assert report["force"][1] == pytest.approx(shared_force(solution, 0.02), rel=2e-3)
     # where it touches, or one stretch between points of a law there
     assert 0.95 <= report["from"] <= 1.0 == pytest.approx(report["to"], abs=0.02)
     check_balance(solution)
@@ -110,7 +110,7 @@ def test_axes_that_touch_stay_on_their_sides(law, above):
         bodies, bc=clamps("upper@0", "lower@1"), loads=[push("upper@1", 0, -10.0 * above)],
         contacts=[{**ON, "side": "axis", **LAWS[law]}]))
     (report,) = contact_report(solution.model, solution.state)
-    assert report["force"][1] == pytest.approx(above * shared_force(solution, 1e-6, above), rel=5e-4)
+    assert report["force"][1] == pytest.approx(above * shared_force(solution, 1e-6, above), rel=2e-3)
     # with a law, a point stands for a length of its element
     assert report["to"] == pytest.approx(1.0, abs=0.02)
     assert 0.0 <= report["to"] - report["from"] < 0.05

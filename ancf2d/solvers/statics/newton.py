@@ -163,14 +163,9 @@ def _newton(system: System, d: Array, t_old: float | None, t: float, tolerance: 
     num, z, first = system.model.numbering, np.empty(system.model.numbering.n_unknowns), None
     at, increments, residuals = {"factor": float(f"{t:.6g}")}, list[float](), list[float]()
     layers = None if all(pair.hard for pair in system.model.contacts) else LayerIncrements(system.weights)
-
-    def residual(x: Array) -> Array:
-        return system.forces(system.model.displacements(x, t, out=d), t, out=system.room).R
-
     for iteration in range(1, max_iterations + 1):
         balance = moved_balance(system, d, t_old if iteration == 1 else None, t)
-        if layers and layers.shortened(balance.R, residual):
-            balance = system.assemble(d, t, out=system.room)
+        balance = _not_too_far(system, layers, balance, d, t) if layers else balance
         residuals.append(largest(balance.R))
         if not np.isfinite(residuals[-1]):
             raise ComputationError("the forces are no longer finite", at=at, history=residuals)
@@ -207,6 +202,14 @@ def _newton(system: System, d: Array, t_old: float | None, t: float, tolerance: 
     system.room.Q = np.empty_like(balance.Q)
     return NewtonResult(d, balance.Q, balance.F, balance.energy, largest(balance.R), iteration, increments,
                         first, pivots.negative - num.n_multipliers, uncertainty)
+
+
+def _not_too_far(system: System, layers: LayerIncrements, balance: Balance, d: Array, t: float) -> Balance:
+    """Return the balance at d (n_full,), which is moved back if the last increment overshoots."""
+    def residual(x: Array) -> Array:
+        return system.forces(system.model.displacements(x, t, out=d), t, out=system.room).R
+
+    return system.assemble(d, t, out=system.room) if layers.shortened(balance.R, residual) else balance
 
 
 def only_position_noise(system: System, increments: list[float]) -> bool:
