@@ -12,13 +12,16 @@ from .contact_curves import curve_rows, height_along
 
 # positions along each element of a body's axis
 ALONG = 8
+# relative to a height: distance along a body from a fold or joint within which its parts overlap as they fold
+FOLDED = np.pi
 
 
 def greatest_depth(pair: Any, d: Array | None, least: float, side: str) -> tuple[float, float]:
     """Return the greatest depth of a point of a ``body_contact.BodyPair`` in its other body, and S of this point.
 
     It is taken in the reference, or at d (n_full,), less the possible distance of the segments from the curves. Points
-    that are less than ``least`` deep may be left out; without any other, the result is 0.
+    that are less than ``least`` deep may be left out; without any other, the result is 0. At d, those near joints of
+    both bodies are, which overlap there as they fold.
     """
     if side == "axis":
         return 0.0, 0.0
@@ -31,7 +34,8 @@ def greatest_depth(pair: Any, d: Array | None, least: float, side: str) -> tuple
     off = float((turn / np.hypot(*(b - a).T)[:-1])[np.arange(1, len(a)) % each > 0].max(initial=0.0))
     arm, places = np.repeat(np.arange(len(pair.arms)), np.array(pair.arms) * each), pair.places(d)
     deepest, at = 0.0, 0.0
-    for k in _near_points(pair, places, a, b, least).tolist():
+    near = _near_points(pair, places, a, b, least)
+    for k in near[_is_off_joints(pair, near)].tolist() if d is not None else near.tolist():
         p = places[k]
         above = (a[:, 1] > p[1]) != (b[:, 1] > p[1])
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -41,6 +45,12 @@ def greatest_depth(pair: Any, d: Array | None, least: float, side: str) -> tuple
         if depth > deepest:
             deepest, at = float(depth), float(pair.s[k])
     return deepest, at
+
+
+def _is_off_joints(pair: Any, points: Any) -> Any:
+    """Return whether points (k,) are not beside a joint of the bodies, so that they can be deep only by contact."""
+    far, s = FOLDED * pair.mesh.plan.section.height, pair.s[points] * pair.mesh.plan.length
+    return (np.abs(s[:, None] - [at for at, _ in pair.excluded]) >= far).all(axis=1)
 
 
 def _near_points(pair: Any, places: Array, a: Array, b: Array, least: float) -> Any:
@@ -75,7 +85,7 @@ def _depth_in_itself(pair: Any, d: Array | None) -> tuple[float, float]:
         along = np.minimum(along, mesh.plan.length - along)
     for at, far in pair.excluded:
         along[np.abs(s[near.row] - at) < far] = 0.0
-    apart = np.flatnonzero(along > np.pi * height)
+    apart = np.flatnonzero(along > FOLDED * height)
     if not len(apart):
         return 0.0, 0.0
     k = apart[np.argmin(near.data[apart])]
