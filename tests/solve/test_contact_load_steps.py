@@ -90,6 +90,21 @@ def test_arc_length_passes_the_states_of_load_steps_in_contact(gap: float, force
     np.testing.assert_allclose(along.r("beam@0.5"), steps.r("beam@0.5"), rtol=place)
 
 
+def test_friction_on_a_path_is_that_of_short_load_steps() -> None:
+    """The tip of a cantilever that is pressed onto a rough layer slides inwards; friction holds it back."""
+    scene = {"bc": [CLAMP], "loads": [{"type": "force", "at": "beam@1", "value": [0, -3]}],
+             "obstacles": {"solid": {"type": "half_plane", "through": [0, -0.1], "normal": [0, 1]}},
+             "friction": 0.5, "law": {"stiffness": 1e6}}
+    found = []
+    for solver in ({"type": "static", "steps": 100},
+                   {"type": "static", "method": "arc_length", "until": {"load_factor": 1}, "largest_step": 0.01}):
+        solution = helpers.Solution(strip(8, solver=solver, **scene))
+        found.append(contact_report(solution.model, solution.state)[0]["force"])
+    # both have errors of first order in the steps
+    np.testing.assert_allclose(*found, rtol=0.05)
+    assert found[0][0] > 0.1 * found[0][1]
+
+
 def hook(steps, ends):
     """Return a hook above a catch that moves in from the right: positions of the catch at shares of the steps."""
     data = helpers.body(

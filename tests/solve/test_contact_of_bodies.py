@@ -117,6 +117,19 @@ def test_axes_that_touch_stay_on_their_sides(law, above):
     check_balance(solution)
 
 
+@pytest.mark.parametrize("count", [4, pytest.param(10, marks=pytest.mark.slow)])
+def test_a_leaf_that_ends_below_another_bears_it_at_its_end(count: int) -> None:
+    """A stiff layer and contact without a law agree: both have a contact point at the end of a body."""
+    def tip(**contact: Any) -> float:
+        bodies = {"upper": beam([0, 0.02], [1, 0.02], "reissner3", count),
+                  "lower": beam([0, 0], [0.6, 0], "reissner3", count)}
+        found = helpers.Solution(helpers.build(
+            bodies, bc=clamps("upper@0", "lower@0"), loads=[push("upper@1", 0, -400.0)], contacts=[{**ON, **contact}]))
+        return float(found.u("upper@1")[1])
+
+    assert tip(law={"stiffness": 1e13}) == pytest.approx(tip(), rel=1e-5)
+
+
 @pytest.mark.parametrize("law", helpers.chosen(LAWS, ["law"]))
 def test_two_mirrored_beams_behave_like_one_on_their_plane_of_symmetry(law):
     gap, force, n = 0.01, 40000.0, 6

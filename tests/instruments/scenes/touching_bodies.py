@@ -54,9 +54,10 @@ def scene(seed: int, number: int) -> Data:
     return made
 
 
-def pressed(seed: int, number: int) -> list[str]:
-    """Return the violations of the equilibrium of two bodies."""
+def pressed(seed: int, number: int, **solver: Any) -> list[str]:
+    """Return the violations of the equilibrium of two bodies; ``solver`` are further keys of solver."""
     case = scene(seed, number)
+    case["solver"] |= solver
     try:
         solution = ancf2d.solve(case)
     except Ancf2dError as error:
