@@ -32,7 +32,8 @@ CLAMP = {"name": "wall", "type": "clamp", "at": "beam@0"}
 def strip(count, friction=0.0, solver="static", law=None, **scene):
     """Return the model of a thin strip from 0 to 1 along x with contact of its axis."""
     bodies = {"beam": helpers.body(helpers.line(1.0), helpers.element("cable", count), STIFF)}
-    touch = {"name": "touch", "between": ["beam", "solid"], "side": "axis", "friction": friction} | ({"law": law} if law else {})
+    touch = {"name": "touch", "between": ["beam", "solid"], "side": "axis", "friction": friction}
+    touch |= {"law": law} if law else {}
     return helpers.build(bodies, solver, contacts=[touch], **scene)
 
 

@@ -176,8 +176,8 @@ class LoadSteps:
         """
         R = self.system.forces(self.d, 0.0).R
         if not R.any() or at_floor(R, self.system.noise(self.d, 0.0)):
-            # natural strains can stress sections that hold still; friction begins where points are
-            if self.model.contacts or (self.model.remembers and self.model.loads.natural):
+            # natural strains can stress sections that hold still
+            if self.model.remembers and self.model.loads.natural:
                 self.system.accept(self.d, 0.0)
             return 0, []
         for spring in self.model.springs:
