@@ -145,6 +145,7 @@ class Curve:
             changed, worst = update_active_set(self.system, found.d, found.t, history)
             if not changed:
                 return found
+            # points that closed in the first round may pull in the second
             if number == 1 and (turned := self._turned_back(control, found, touching)) is not None:
                 return turned
             again = find(control, found.d, found.t, history)
