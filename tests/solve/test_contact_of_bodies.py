@@ -130,6 +130,20 @@ def test_a_leaf_that_ends_below_another_bears_it_at_its_end(count: int) -> None:
     assert tip(law={"stiffness": 1e13}) == pytest.approx(tip(), rel=1e-5)
 
 
+@pytest.mark.slow
+def test_load_steps_go_on_where_an_extrapolated_leaf_would_lift_off() -> None:
+    """Newton's method starts again at the last equilibrium, rather than that the step is divided."""
+    def leaf(y: float, length: float) -> dict[str, Any]:
+        return helpers.body(helpers.line(length, start=(0.0, y)), helpers.element("reissner3", 40),
+                            {"height": 0.01, "width": 0.05}, {"E": 1e8, "nu": 0.3})
+
+    found = helpers.Solution(helpers.build(
+        {"upper": leaf(0.01, 1.0), "lower": leaf(0.0, 0.6)}, {"type": "static", "steps": 5},
+        bc=clamps("upper@0", "lower@0"), loads=[push("upper@1", 0, -0.5)],
+        contacts=[{**ON, "law": {"stiffness": 1e8}}]))
+    assert [state.history["cutbacks"] for state in found.states] == [0] * 5
+
+
 @pytest.mark.parametrize("law", helpers.chosen(LAWS, ["law"]))
 def test_two_mirrored_beams_behave_like_one_on_their_plane_of_symmetry(law):
     gap, force, n = 0.01, 40000.0, 6

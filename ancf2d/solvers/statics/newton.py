@@ -75,14 +75,15 @@ class NewtonResult:
     overlap: float = 0.0
 
 
-def newton(system: System, d: Array, t_old: float | None, t: float, tolerance: float, max_iterations: int
-           ) -> NewtonResult:
+def newton(system: System, d: Array, t_old: float | None, t: float, tolerance: float, max_iterations: int,
+           last: Array | None = None) -> NewtonResult:
     """Return the equilibrium at t as ``_newton`` does, without adhesion at contacts and penetration of obstacles.
 
-    Contact points are opened and closed between equilibria until none changes. Raises ComputationError.
+    Contact points are opened and closed between equilibria until none changes. In layers, d (n_full,) may lead too far
+    if it is extrapolated; then Newton's method starts again at the ``last`` equilibrium. Raises ComputationError.
     """
     if not any(pair.hard for pair in system.model.contacts):
-        result = _solved(system, d, t_old, t, tolerance, max_iterations)
+        result = _solved(system, d, t_old, t, tolerance, max_iterations, last)
         check_pressed_through(system.model, result.d, {"factor": float(f"{t:.6g}")})
         return result
     kept = memory(system.model)
@@ -104,17 +105,21 @@ def newton(system: System, d: Array, t_old: float | None, t: float, tolerance: f
         raise
 
 
-def _solved(system: System, d: Array, t_old: float | None, t: float, tolerance: float, max_iterations: int
-            ) -> NewtonResult:
-    """Return the equilibrium as ``_newton`` does; if there are layers and it fails, by way of softer layers."""
-    start = d.copy()
-    try:
+def _solved(system: System, d: Array, t_old: float | None, t: float, tolerance: float, max_iterations: int,
+            last: Array | None = None) -> NewtonResult:
+    """Return the equilibrium as ``_newton`` does; if it fails in layers, from the ``last`` one, or by way of softer
+    layers.
+    """
+    if all(pair.hard for pair in system.model.contacts):
         return _newton(system, d, t_old, t, tolerance, max_iterations)
-    except SingularTangentError:
-        raise
-    except ComputationError:
-        if all(pair.hard for pair in system.model.contacts):
+    start = d.copy() if last is None else last.copy()
+    for guess in [d] if last is None else [d, start.copy()]:
+        try:
+            return _newton(system, guess, t_old, t, tolerance, max_iterations)
+        except SingularTangentError:
             raise
+        except ComputationError:
+            continue
     for share in SOFTER:
         with softer_layers(system.model, share):
             start = _newton(system, start, t_old, t, tolerance, max_iterations).d

@@ -286,7 +286,7 @@ class LoadSteps:
         model, last, first, t = self.model, path.d[-1], len(path.t) == 1, new.factor
         self._set(new, self.turns)
         result = newton(self.system, path.extrapolate(target), old.factor if first else None, t, self.tolerance,
-                        self.max_iterations)
+                        self.max_iterations, None if first else last)
         check_sound(model, result.d, (last, old.factor), t)
         # no jump if Newton's method has changed little of the extrapolation; with history variables, the tangents may
         # be those of unloading, which do not predict the path
