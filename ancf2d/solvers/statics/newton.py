@@ -93,13 +93,13 @@ def newton(system: System, d: Array, t_old: float | None, t: float, tolerance: f
         first = _held(system, d, t_old, t, tolerance, max_iterations)
         check_supports(system, first.d, t)
         touching = memory(system.model)
-        *others, last = STRATEGIES if rough else STRATEGIES[:1]
+        *others, final = STRATEGIES if rough else STRATEGIES[:1]
         for strategy in others:
             try:
                 return _settled(system, replace(first, d=first.d.copy()), t, tolerance, max_iterations, strategy)
             except ComputationError:
                 restore_memory(system.model, touching)
-        return _settled(system, first, t, tolerance, max_iterations, last)
+        return _settled(system, first, t, tolerance, max_iterations, final)
     except ComputationError:
         restore_memory(system.model, kept)
         raise
