@@ -17,7 +17,7 @@ from ..elements.contact_gaps import Facing
 from ..elements.formulations.base import cross
 from ..elements.shape import Array
 from ..model.mesh import BodyMesh, Index
-from .body_overlap import greatest_depth, nearest_on_segments
+from .body_overlap import greatest_depth, greatest_height, nearest_on_segments
 from .contact import STICK, TOUCH, Contact
 from .contact_curves import (
     Spot,
@@ -256,14 +256,23 @@ class BodyPair:
         """Return the greatest depth of a point in the other body, and S of this point; see ``body_overlap``."""
         return greatest_depth(self, d, 0.0, self.item.side)
 
+    @property
+    def too_deep(self) -> float:
+        """The depth [m] above which a point may pass through the other body."""
+        return TOO_DEEP * float(self.against.plan.section.height)
+
+    @cached_property
+    def height(self) -> float:
+        """The largest height of the other body [m]."""
+        return greatest_height(self.against)
+
     def pressed_through(self, d: Array) -> str:
         """Return a message if a point is so deep in the other body at d (n_full,) that it may pass through it, else "".
 
         The limit is just below half the height: a deeper point is nearer to the far side.
         """
-        limit = TOO_DEEP * self.against.plan.section.height
-        depth, s = greatest_depth(self, d, limit, self.item.side)
-        if depth <= limit:
+        depth, s = greatest_depth(self, d, self.too_deep, self.item.side)
+        if depth <= self.too_deep:
             return ""
         return f"{self.name}: {self.body} is pressed {depth:.4g} into {self.other} at S = {s:.4g}"
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..elements.formulations.base import cross
 from ..elements.shape import Array
+from ..model.mesh import BodyMesh
 from .contact_curves import curve_rows, height_along
 
 # positions along each element of a body's axis
@@ -47,6 +48,11 @@ def greatest_depth(pair: Any, d: Array | None, least: float, side: str) -> tuple
     return deepest, at
 
 
+def greatest_height(mesh: BodyMesh) -> float:
+    """Return a bound on the height of a body [m]."""
+    return max(float(np.abs(height_along(mesh, ie)).sum()) for ie in range(len(mesh.dofs))) * mesh.plan.section.height
+
+
 def _is_off_joints(pair: Any, points: Any) -> Any:
     """Return whether points (k,) are not beside a joint of the bodies, so that they can be deep only by contact."""
     far, s = FOLDED * pair.mesh.plan.section.height, pair.s[points] * pair.mesh.plan.length
@@ -61,11 +67,9 @@ def _near_points(pair: Any, places: Array, a: Array, b: Array, least: float) -> 
         return some
     from scipy.spatial import cKDTree
 
-    mesh = pair.against
-    widest = max(float(np.abs(height_along(mesh, ie)).sum()) for ie in range(len(mesh.dofs))) * mesh.plan.section.height
     distance = cKDTree(0.5 * (a + b)).query(places[some])[0]
     # within a body, the surface is at most half its height away
-    within = distance - 0.5 * float(np.hypot(*(b - a).T).max()) <= widest
+    within = distance - 0.5 * float(np.hypot(*(b - a).T).max()) <= pair.height
     return some[within & (distance >= least)]
 
 

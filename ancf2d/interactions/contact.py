@@ -198,10 +198,6 @@ class ContactPair:
             return 1.0, reach, mu, mass * self.rapid**2
         return section.EI / l**3, reach, mu, STICK * section.EA / l
 
-    def pressed_through(self, d: Array) -> str:
-        """Return an empty string: a body cannot be pressed through an obstacle."""
-        return ""
-
     @property
     def coordinate_sets(self) -> Index:
         """All coordinates on which an item acts together (m, n)."""

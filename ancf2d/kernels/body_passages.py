@@ -1,5 +1,5 @@
-"""Penetrations that contact points miss: where a body is deepest in another one between its points, and points that
-pass through a body between two states and are outside it in both."""
+"""Penetrations that contact points miss: where a body is deepest in another one between its points, points that pass
+through a body between two states and are outside it in both, and points that are too deep to face a surface."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ..elements import contact_gaps
 from ..elements.contact_gaps import BOTH_SIDES, DEEPEST, FOOT_KIND, SIDE, WITHIN
 from ..elements.contact_geometry import HALF_INTERVAL, HOME, OPPOSITE, PLACE, PLACEMENT, WORK
-from .chords import fill_curves
+from .chords import distance_from_box, fill_curves, nearest_on_chord
 from .compiled_laws import part
 from .facing import DEEP, EVERY, face, find_curve
 from .lowlevel.arrays import copy, numbers, vector
@@ -115,6 +115,48 @@ def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
     for k in range(n):
         points.mem[table.item[k], SIDE] = kept[k]
     return through
+
+
+@kernel
+@seldom
+def may_be_deep(table, points, d, least, most):  # type: ignore[no-untyped-def]
+    """Return whether a point may be ``least`` deep in the other body at d (n_full,), by chords of its curves.
+
+    No point in the body is more than ``most`` away from them, which is half of its height.
+    """
+    u, none, waiting = vector(200), vector(200), numbers(table.item, DEEP)
+    fill_curves(table, d, none)
+    for k in range(len(table.item)):
+        i = table.item[k]
+        fields_of_first(points, i, table.own[k, 1], d, u)
+        x, y, _, _, _, _ = _line_at(points.par[i], points.p0[points.field[i]:], u, points.par[i, HOME])
+        for arm in range(table.arms[table.way[k]], table.arms[table.way[k] + 1]):
+            boxed = distance_from_box(table.boxes[table.tree[arm]], x, y) == 0.0
+            if boxed and _is_between(table, arm, x, y, least, most, waiting):
+                return True
+    return False
+
+
+@inner
+def _is_between(table, arm, x, y, least, most, waiting):  # type: ignore[no-untyped-def]
+    """Return whether the distance of a point from the curves of an arm may be between two values."""
+    first, n, root = table.first[arm], table.first[arm + 1] - table.first[arm], table.tree[arm]
+    waiting[0], count, found = 0, 1, False
+    while count > 0:
+        count -= 1
+        k = waiting[count]
+        if distance_from_box(table.boxes[root + k], x, y) > most * most:
+            continue
+        if k < n - 1:
+            waiting[count], waiting[count + 1] = 2 * k + 1, 2 * k + 2
+            count += 2
+            continue
+        chord = table.chords[first + k - (n - 1)]
+        distance = nearest_on_chord(chord, x, y)[1]
+        if distance + 2.0 * chord[4] < least:
+            return False
+        found |= distance <= most
+    return found
 
 
 @inner

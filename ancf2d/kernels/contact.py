@@ -36,7 +36,7 @@ from ..elements.contact_geometry import (
     WORK,
 )
 from ..elements.contact_layer import sets_of, to_obstacle_frame
-from .body_passages import bodies_cross, body_deepest
+from .body_passages import bodies_cross, body_deepest, may_be_deep
 from .compiled_laws import part
 from .facing import body_gaps, face
 from .lowlevel.arrays import vector
@@ -356,7 +356,8 @@ def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: boo
     out: list[Callable[[], object]] = []
     if bodies:
         out += [partial(face.compile, (facing, points, x, types.float64, types.int64)),
-                partial(body_gaps.compile, (facing, points, x, x, xx))]
+                partial(body_gaps.compile, (facing, points, x, x, xx)),
+                partial(may_be_deep.compile, (facing, points, x, types.float64, types.float64))]
         if not moves:
             out.append(partial(bodies_cross.compile, (facing, points, x, x)))
         if sided:

@@ -183,8 +183,13 @@ def _touch(model: Model, one: ContactTable, state: State) -> Touch:
 
 def check_pressed_through(model: Model, d: Array, at: dict[str, float]) -> None:
     """Raise ComputationError if bodies overlap so deeply that contact may let them pass."""
-    for pair in model.contacts:
-        if found := pair.pressed_through(d):
+    from ..kernels.body_passages import may_be_deep
+
+    for one in (one for one in model.contact_tables if one.pair.on_bodies):
+        pair: Any = one.pair
+        itself = pair.against is pair.mesh
+        inside = itself or may_be_deep(one.facing, one.table, d, pair.too_deep, 0.5 * pair.height)
+        if inside and (found := pair.pressed_through(d)):
             law = "more elements where they touch" if pair.hard else "a stiffer law or none"
             raise ComputationError(f"{found}, where contact may no longer hold it", at=at,
                                    advice=f"{law}, smaller steps, or smaller loads")

@@ -142,7 +142,7 @@ def test_bodies_do_not_pass_through_one_another_in_long_steps(velocity, x, dt):
 @pytest.mark.parametrize(("hard", "advice"), [(True, "more elements"), (False, "a stiffer law or none")])
 def test_overlapping_bodies_give_advice(hard: bool, advice: str) -> None:
     """A contact without a law gets no advice on laws."""
-    pair = SimpleNamespace(hard=hard, pressed_through=lambda d: "a is 0.01 m deep in b")
+    pair = SimpleNamespace(hard=hard, on_bodies=True, mesh="a", against="a", pressed_through=lambda d: "a is deep in b")
     with pytest.raises(ComputationError, match="where contact may no longer hold it") as found:
-        check_pressed_through(SimpleNamespace(contacts=[pair]), np.zeros(1), {"t": 0.1})
+        check_pressed_through(SimpleNamespace(contact_tables=[SimpleNamespace(pair=pair)]), np.zeros(1), {"t": 0.1})
     assert found.value.failure.advice.startswith(advice)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import ancf2d
+from ancf2d.kernels.body_passages import may_be_deep
 from ancf2d.model.point_tables import Batch
 
 RUBBER = {"E": 1e7, "nu": 0.3, "rho": 1000.0}
@@ -136,6 +137,26 @@ def test_the_energy_of_each_point_is_continuous(surface, seed):
         ends.append(moved(model, angle, one - np.array([[c, -s], [s, c]]) @ two + rng.uniform(-0.01, 0.01, 2)))
     jump, most = largest_jump(model, *ends)
     assert jump <= 1e-6 * most
+
+
+@pytest.mark.parametrize("surface", SURFACES)
+def test_only_bodies_that_overlap_deeply_are_looked_at_closely(surface):
+    """Chords of the curves show that no point is deep."""
+    rng, (body, place) = np.random.default_rng(3), SURFACES[surface]
+    model, counts = model_of(body), np.zeros((2, 2), dtype=int)
+    for _ in range(300):
+        angle = rng.uniform(0.0, 2.0 * np.pi)
+        c, s = np.cos(angle), np.sin(angle)
+        to = place + rng.uniform(-0.02, 0.02, 2) - np.array([[c, -s], [s, c]]) @ [0.175, 0.015]
+        d = moved(model, angle, to)
+        for one in model.contact_tables:
+            depth, limit = one.pair.overlap(d)[0], one.pair.too_deep
+            found = may_be_deep(one.facing, one.table, d, limit, 0.5 * one.pair.height)
+            counts[int(found), int(depth > limit)] += 1
+            assert found or depth <= limit
+    # at most those that hover as far away as they would be deep are looked at in vain
+    assert counts[0, 0] > 50
+    assert counts[1, 1] > 20
 
 
 def test_a_point_keeps_its_energy_where_faces_leave_a_gap_at_a_blunt_corner():
