@@ -185,8 +185,9 @@ def check_pressed_through(model: Model, d: Array, at: dict[str, float]) -> None:
     """Raise ComputationError if bodies overlap so deeply that contact may let them pass."""
     from ..kernels.body_passages import may_be_deep
 
-    for one in (one for one in model.contact_tables if one.pair.on_bodies):
-        pair: Any = one.pair
+    touching: list[Any] = [one for one in model.contact_tables if one.pair.on_bodies]
+    for one in touching:
+        pair = one.pair
         itself = pair.against is pair.mesh
         inside = itself or may_be_deep(one.facing, one.table, d, pair.too_deep, 0.5 * pair.height)
         if inside and (found := pair.pressed_through(d)):
