@@ -29,6 +29,7 @@ from ..linear import GeneralSparse
 from ..state_results import position_of
 from ..system import Balance, System
 from .newton import at_floor, balanced, check_divergence, check_sound, has_converged
+from .one_sided import springs_acting
 
 # with history variables, iterations after which Newton steps are shortened, and by which factor: where yielding
 # sections meet, full steps may cycle between fibres that yield and fibres that unload
@@ -69,7 +70,7 @@ class PathPoint:
     """An equilibrium with its tangent ``z`` (n_unknowns,) = dz/ds, ``rate`` = dt/ds; s is the path's parameter.
 
     ``uncertainty`` [m] if round-off ended the iteration, else 0; ``touching`` is the stored state of the contacts,
-    ``pressed`` which points are in layers.
+    ``acting`` which points are in layers and which one-sided springs have stiffness.
     """
 
     d: Array
@@ -83,7 +84,7 @@ class PathPoint:
     increment: float
     uncertainty: float
     touching: list[Array]
-    pressed: list[Any]
+    acting: list[Any]
 
     @property
     def tangent(self) -> tuple[Array, float]:
@@ -159,8 +160,7 @@ class ProbeValue:
 
     def derivatives(self, d: Array) -> tuple[Array, float]:
         """Return the gradient (n_unknowns,) by the unknowns and the derivative by t."""
-        full, e = np.zeros(len(d)), self.model.e0 + d[:self.model.n_q]
-        p = self.point
+        full, e, p = np.zeros(len(d)), self.model.e0 + d[:self.model.n_q], self.point
         if self.quantity == "theta":
             np.add.at(full, self.rotation.dofs, self.rotation.gradient(e))
         else:
@@ -388,10 +388,10 @@ class Curve:
         if touching:
             # with fixed places, since the state is not balanced for places beyond their interval
             balance = self.system.forces(found.d, found.t)
-        rate = scale(found.d, by_load)
-        negative = pivots.negative - self.model.numbering.n_multipliers
+        rate, negative = scale(found.d, by_load), pivots.negative - self.model.numbering.n_multipliers
+        acting = [*layers_pressed(self.model, found.d, found.t), *springs_acting(self.model, found.d, found.t)]
         return PathPoint(found.d, found.t, s, rate * by_load, rate, negative, balance, found.iterations,
-                         found.increment, found.uncertainty, touching, layers_pressed(self.model, found.d, found.t))
+                         found.increment, found.uncertainty, touching, acting)
 
     @property
     def knows_inertia(self) -> bool:
