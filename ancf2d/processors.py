@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -15,6 +17,10 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_N
 # a copy that takes longer than this [s] hangs and is killed; its work is then only done later
 PATIENCE = 60.0
 _TICK = 0.005
+# extension modules of NumPy and SciPy, each linked to its own OpenBLAS, and names of that library's functions
+_LINKED = ("numpy.linalg._umath_linalg", "scipy.linalg._flapack")
+_NAMES = [(f"{prefix}openblas_get_num_threads{suffix}", f"{prefix}openblas_set_num_threads{suffix}")
+          for prefix in ("scipy_", "") for suffix in ("64_", "")]
 
 
 def cores() -> int:
@@ -26,6 +32,46 @@ def threads() -> int:
     """Return the number of threads that a computation may use: OMP_NUM_THREADS, or one per processor."""
     wanted = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
     return max(1, int(wanted)) if wanted.isdecimal() else cores()
+
+
+class _Restricted:
+    """The computations that restrict OpenBLAS at present, and how to undo it when the last of them ends."""
+
+    lock, users = threading.Lock(), 0
+    undo = ExitStack()
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Restrict OpenBLAS to one thread while the block runs, unless OPENBLAS_NUM_THREADS is set.
+
+    ancf2d distributes elements over threads itself; additional OpenBLAS threads would wait in busy loops. The variable
+    has no effect once NumPy is loaded, but the functions of the loaded libraries do. On systems where a library does
+    not find the functions of those that it is linked to, and for other libraries than OpenBLAS, nothing changes.
+    """
+    with _Restricted.lock:
+        _Restricted.users += 1
+        if _Restricted.users == 1 and "OPENBLAS_NUM_THREADS" not in os.environ:
+            for number, restrict in _openblas():
+                _Restricted.undo.callback(restrict, number())
+                restrict(1)
+    try:
+        yield
+    finally:
+        with _Restricted.lock:
+            _Restricted.users -= 1
+            if not _Restricted.users:
+                _Restricted.undo.close()
+
+
+def _openblas() -> Iterator[tuple[Callable[[], int], Callable[[int], object]]]:
+    """Yield the functions that return and set the number of threads of each OpenBLAS that is loaded."""
+    import scipy.linalg  # noqa: F401 - loads its OpenBLAS
+
+    for file in filter(None, (getattr(sys.modules.get(name), "__file__", None) for name in _LINKED)):
+        with suppress(OSError):
+            library = ctypes.CDLL(file)
+            yield from ((library[get], library[set_]) for get, set_ in _NAMES if hasattr(library, get))
 
 
 @contextmanager

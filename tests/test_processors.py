@@ -1,6 +1,7 @@
 """A forked copy of the process: its work is available at the end, and it never outlives its block."""
 
 import os
+import re
 import sys
 import threading
 import time
@@ -9,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from ancf2d import processors as module
-from ancf2d.processors import aside
+from ancf2d.api import solving
+from ancf2d.processors import _openblas, aside, one_blas_thread
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")
 
@@ -68,3 +70,33 @@ def test_one_processor_is_not_shared(monkeypatch, tmp_path):
     with aside(lambda: (tmp_path / "done").touch()):
         time.sleep(0.2)
     assert not (tmp_path / "done").exists()
+
+
+@pytest.mark.skipif(not list(_openblas()), reason="NumPy uses another library")
+def test_python_functions_restrict_openblas_and_restore_it(monkeypatch):
+    """Also if NumPy is loaded first: a variable of the environment would then have no effect."""
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    found, before = list(_openblas()), [number() for number, _ in _openblas()]
+
+    def numbers():
+        return [number() for number, _ in found]
+    try:
+        for _, restrict in found:
+            restrict(2)
+        several = numbers()
+        with one_blas_thread():
+            with one_blas_thread():
+                assert numbers() == [1] * len(found)
+            assert numbers() == [1] * len(found)
+        assert numbers() == several
+        monkeypatch.setattr(solving, "load", lambda *arguments: pytest.fail(str(numbers())))
+        for call in (solving.solve, solving.convergence, solving.sensitivity):
+            with pytest.raises(pytest.fail.Exception, match=re.escape(str([1] * len(found)))):
+                call("case.yaml")
+        assert numbers() == several
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
+        with one_blas_thread():
+            assert numbers() == several
+    finally:
+        for (_, restrict), n in zip(found, before, strict=True):
+            restrict(n)

@@ -14,6 +14,7 @@ from ..case import LoadedCase, load_case_text, with_overrides
 from ..case.axes import Axis
 from ..case.emit import number_text, yaml_text
 from ..errors import MAPPING, TEXT, CaseError
+from ..processors import one_blas_thread
 from ..results.target import RESULTS, check_output
 from ..study.accuracy.control import is_pursued, solve_to_accuracy
 from ..study.convergence import Steps
@@ -130,6 +131,7 @@ def load(case: CaseLike, overrides: Overrides = ()) -> LoadedCase:
     return load_file(case, options)
 
 
+@one_blas_thread()
 def solve(case: CaseLike, overrides: Overrides = (), *, accuracy: float | None = None,
           output: str | os.PathLike[str] | None = None, force: bool = False, states: bool = True,
           partial: bool = False) -> Solution:
@@ -163,6 +165,7 @@ def solve(case: CaseLike, overrides: Overrides = (), *, accuracy: float | None =
     return Solution(loaded, outcome, temporary)
 
 
+@one_blas_thread()
 def convergence(case: CaseLike, overrides: Overrides = (), *, elements: Sequence[int] | None = None,
                 types: str | Sequence[str] = (), dt: Sequence[float] = (), tolerance: Sequence[float] = (),
                 reference: float | None = None, jobs: int = 1) -> Convergence:
@@ -194,6 +197,7 @@ def convergence(case: CaseLike, overrides: Overrides = (), *, elements: Sequence
     return Convergence(**vars(found))
 
 
+@one_blas_thread()
 def sensitivity(case: CaseLike, to: str | Sequence[str] = (), overrides: Overrides = ()) -> Sensitivity:
     """Return the derivatives of a case's goal with respect to numbers of the case, the most influential first.
 
@@ -209,6 +213,7 @@ def sensitivity(case: CaseLike, to: str | Sequence[str] = (), overrides: Overrid
     return differentiate(load(case, overrides), paths)
 
 
+@one_blas_thread()
 def optimise(case: CaseLike, vary: Mapping[str, tuple[float, float]], minimise: str,
              subject_to: str | Sequence[str] = (), overrides: Overrides = (), *, method: str = "slsqp",
              iterations: int = 100) -> Optimum:
@@ -229,6 +234,7 @@ def optimise(case: CaseLike, vary: Mapping[str, tuple[float, float]], minimise: 
     return improve(problem_of(load(case, overrides), ranges_of(vary), minimise, wanted), method, iterations)
 
 
+@one_blas_thread()
 def fit(case: CaseLike, data: str | os.PathLike[str] | Mapping[str, Any], vary: Mapping[str, tuple[float, float]],
         overrides: Overrides = (), *, sigma: Mapping[str, float] | None = None, starts: int = 1) -> Fit:
     """Return the numbers with which a case agrees best with measured data, by least squares.

@@ -107,7 +107,8 @@ class _Body:
     """The stations of a body with fibres: places xi (ne, nx), weights (ne, nx), history variables (ne, nx, numbers).
 
     ``plastic`` (ne, nx, 2) has the plastic part of the axial strain and of the curvature times the radius of gyration;
-    ``whole`` [m] is the integral of these strains with their elastic parts, regardless of signs.
+    ``whole`` [m] is the integral of the sizes of these strains and of the elastic ones, which may cancel each other
+    after a cycle.
     """
 
     def __init__(self, model: Model, mesh: BodyMesh) -> None:
@@ -123,8 +124,9 @@ class _Body:
         self.weights = np.linalg.solve(self.xi[:, None, :] ** powers[:, None], moments)[..., 0]
         self.scale = np.array([1.0, math.sqrt(section.EI / section.EA)])
         self.plastic = self.states[..., self.strains] * self.scale
-        total = self.plastic + self.states[..., self.forces] / np.array([section.EA, section.EI]) * self.scale
-        self.whole = float(np.einsum("es,e,esc->", self.weights, mesh.lengths, np.abs(total)))
+        elastic = self.states[..., self.forces] / np.array([section.EA, section.EI]) * self.scale
+        sizes = np.abs(self.plastic) + np.abs(elastic)
+        self.whole = float(np.einsum("es,e,esc->", self.weights, mesh.lengths, sizes))
 
     def error(self, state: State) -> Array:
         """Return the error (ne,) of the elements in a state [m]."""

@@ -17,7 +17,7 @@ from ..case.part_checks import refused_field
 from ..case.records import tag_of
 from ..case.syntax import Chain, Comparison, ExpressionError, Names, named_in, syntax
 from ..elements.shape import Array
-from ..errors import CaseError, ComputationError, Problem, raise_any
+from ..errors import CaseError, ComputationError, Problem, all_of, raise_any
 from ..model.model import Model
 from ..quantities import KINEMATIC, MOTIONS
 from ..results.geometry import mises
@@ -31,6 +31,7 @@ GOAL, MASS, ENERGY = "goal", "mass", "strain_energy"
 SECTION = ("N", "Q", "M")
 REACTIONS = ("fx", "fy", "m")
 _EXTREME = re.compile(r"(?<![\w.])(max|min)\s*\(")
+_COMPARES = re.compile(r"[<>]|==")
 
 
 class Vocabulary:
@@ -66,11 +67,13 @@ def read_measure(text: str, option: str, words: Vocabulary, parameters: Sequence
         tree = syntax(rest, words.names((*more, *extremes)))
     except ExpressionError as error:
         wrong += error.each
-    shown = f"{option} {text}"
-    origin = Origin(shown, shown.split("\n"), numbered=False)
-    raise_any([Mark(origin, 1, len(option) + 2 + one.column).problem(_said(str(one), words), near=one.near)
-               for one in wrong])
+    raise_any([_place(text, option, one.column).problem(_said(str(one), words), near=one.near) for one in wrong])
     return Measure(text, tree, {name: extreme for name, extreme in extremes.items() if extreme is not None})
+
+
+def _place(text: str, option: str, column: int = 0) -> Mark:
+    shown = f"{option} {text}"
+    return Mark(Origin(shown, shown.split("\n"), numbered=False), 1, len(option) + 2 + column)
 
 
 def _said(message: str, words: Vocabulary) -> str:
@@ -109,19 +112,21 @@ def _extreme(largest: bool, inside: str, column: int, words: Vocabulary, more: S
         return None
 
 
-def bounded(measure: Measure, option: str) -> tuple[Measure, Measure, str]:
+def read_constraint(text: str, option: str, words: Vocabulary, parameters: Sequence[str] = ()
+                    ) -> tuple[Measure, Measure, str]:
     """Return the difference that a constraint ``LEFT <= RIGHT`` (>=, ==) bounds by 0, RIGHT, and '<=' or '=='.
 
-    Raises CaseError if the expression is not a comparison of two expressions.
+    Raises CaseError with the places of all mistakes, also if the text is not a comparison of two expressions.
     """
+    none = _place(text, option).problem("no constraint", expected='for example "max(stress) <= 200e6"')
+    # a text without a sign is no constraint, whatever its names are
+    measure, _ = all_of(lambda: read_measure(text, option, words, parameters),
+                        lambda: raise_any([] if _COMPARES.search(text) else [none]))
     tree = measure.tree
     if not (isinstance(tree, Comparison) and len(tree.rest) == 1 and tree.rest[0][0] != "!="):
-        shown = f"{option} {measure.text}"
-        mark = Mark(Origin(shown, shown.split("\n"), numbered=False), 1, len(option) + 2)
-        raise CaseError(mark.problem("no constraint", expected='for example "max(stress) <= 200e6"'))
+        raise CaseError(none)
     op, right = tree.rest[0]
-    left = tree.first
-    parts = (left, right) if op in ("<=", "<", "==") else (right, left)
+    parts = (tree.first, right) if op in ("<=", "<", "==") else (right, tree.first)
     difference = replace(measure, tree=Chain(parts[0], (("-", parts[1]),)))
     of_right = {name: measure.extremes[name] for name in named_in(right) if name in measure.extremes}
     return difference, replace(measure, tree=right, extremes=of_right), "==" if op == "==" else "<="

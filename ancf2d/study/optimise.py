@@ -17,7 +17,7 @@ from ..case.numbers import CaseNumber, moved_starts, numbers_between
 from ..elements.shape import Array
 from ..errors import ComputationError, all_of, many
 from ..results import Column, write_tables
-from .expressions import MASS, Measure, Measures, Vocabulary, bounded, read_measure
+from .expressions import MASS, Measures, Vocabulary, read_constraint, read_measure
 from .gradient import DifferentiableRun
 from .record import Progress
 from .run import result_header, vocabulary
@@ -93,12 +93,10 @@ def problem_of(loaded: LoadedCase, vary: Sequence[str], minimise: str, constrain
     """Return the problem described by command line options. Raises CaseError with the mistakes of all of them."""
     words, parameters = Vocabulary(loaded), list(loaded.case.parameters)
 
-    def constraint(text: str) -> tuple[Measure, Measure, str]:
-        return bounded(read_measure(text, "--subject-to", words, parameters), "--subject-to")
-
     (bounds, variables), objective, *read = all_of(
         lambda: numbers_between(loaded, vary, vocabulary()),
-        lambda: read_measure(minimise, "--minimise", words, parameters), *(partial(constraint, t) for t in constraints))
+        lambda: read_measure(minimise, "--minimise", words, parameters),
+        *(partial(read_constraint, text, "--subject-to", words, parameters) for text in constraints))
     kinds = [kind for _, _, kind in read]
     # the right-hand sides of constraints give their scales
     measures = [objective, *(m for m, _, _ in read), *(side for _, side, _ in read)]

@@ -11,7 +11,7 @@ from ancf2d.case.numbers import text_with
 from ancf2d.errors import CaseError
 from ancf2d.solvers import stress
 from ancf2d.solvers.fields import FieldReader
-from ancf2d.study.expressions import Measures, Vocabulary, bounded, mass_of, read_measure
+from ancf2d.study.expressions import Measures, Vocabulary, mass_of, read_constraint, read_measure
 from ancf2d.study.extremes import Evaluated
 from ancf2d.study.record import Progress
 from ancf2d.study.run import prepare, run_case, vocabulary
@@ -141,6 +141,10 @@ def test_fields_that_materials_do_not_have_are_reported():
 def test_a_constraint_compares_two_expressions():
     with pytest.raises(CaseError, match="no constraint"):
         ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass", "tip.uy")
+    with pytest.raises(CaseError) as caught:
+        ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass", "tpi.uy")
+    assert [problem.message.partition(":")[0] for problem in caught.value.problems] == [
+        "'tpi.uy' is unknown", "no constraint"]
 
 
 def test_the_start_is_the_number_of_the_case_or_the_bound_beyond_which_it_is():
@@ -171,7 +175,7 @@ def test_infeasible_problems_and_too_few_evaluations_are_distinguished():
 def test_sides_of_a_constraint_read_their_own_extremes():
     """The other side of a constraint needs no reading of extremes."""
     words = Vocabulary(ancf2d.load(TEXT))
-    both, side, kind = bounded(read_measure("max(stress) + 1 <= 2*max(N)", "--subject-to", words), "--subject-to")
+    both, side, kind = read_constraint("max(stress) + 1 <= 2*max(N)", "--subject-to", words)
     assert [e.field for e in both.extremes.values()] == ["stress", "N"]
     assert [e.field for e in side.extremes.values()] == ["N"]
     assert kind == "<="

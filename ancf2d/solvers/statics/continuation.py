@@ -26,6 +26,7 @@ from ..linear import GeneralSparse
 from ..system import Balance, System
 from .layer_increments import LayerIncrements
 from .newton import at_floor, balanced, check_divergence, check_sound, has_converged, newton
+from .one_sided import springs_acting
 from .path_controls import ArcLength, Control, Metric
 
 # with history variables, iterations after which Newton steps are shortened, and by which factor: where yielding
@@ -42,7 +43,7 @@ class PathPoint:
     """An equilibrium with its tangent ``z`` (n_unknowns,) = dz/ds, ``rate`` = dt/ds; s is the path's parameter.
 
     ``uncertainty`` [m] if round-off ended the iteration, else 0; ``touching`` is the stored state of the contacts,
-    ``pressed`` which points are in layers.
+    ``acting`` which points are in layers and which one-sided springs have stiffness.
     """
 
     d: Array
@@ -56,7 +57,7 @@ class PathPoint:
     increment: float
     uncertainty: float
     touching: list[Array]
-    pressed: list[Any]
+    acting: list[Any]
 
     @property
     def tangent(self) -> tuple[Array, float]:
@@ -185,7 +186,7 @@ class Curve:
             restore_memory(self.model, touching)
         point = self.point(start, 0.0, scale)
         if step != 0.0 and any((one != two).any() for one, two in zip(
-                point.pressed, layers_pressed(self.model, after, start.t + step), strict=True)):
+                point.acting, self._acting(after, start.t + step), strict=True)):
             by_load = (after - start.d)[self.model.numbering.free] / step
             point.rate = scale(start.d, by_load)
             point.z = point.rate * by_load
@@ -312,10 +313,13 @@ class Curve:
         if touching:
             # with fixed places, since the state is not balanced for places beyond their interval
             balance = self.system.forces(found.d, found.t)
-        rate = scale(found.d, by_load)
-        negative = pivots.negative - self.model.numbering.n_multipliers
+        rate, negative = scale(found.d, by_load), pivots.negative - self.model.numbering.n_multipliers
         return PathPoint(found.d, found.t, s, rate * by_load, rate, negative, balance, found.iterations,
-                         found.increment, found.uncertainty, touching, layers_pressed(self.model, found.d, found.t))
+                         found.increment, found.uncertainty, touching, self._acting(found.d, found.t))
+
+    def _acting(self, d: Array, t: float) -> list[Any]:
+        """Return which points are in layers, and which one-sided springs have stiffness."""
+        return [*layers_pressed(self.model, d, t), *springs_acting(self.model, d, t)]
 
     @property
     def knows_inertia(self) -> bool:

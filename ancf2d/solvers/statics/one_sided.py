@@ -18,6 +18,8 @@ NEAR, EDGE = 1e-2, 1e-3
 SLACK = 1e-9
 # share of a step below which it is not shortened for springs that engage or release
 SHORTEST = 1e-6
+# bisections that find where a spring begins to act
+HALVINGS = 30
 
 
 def check_not_engaging(pencil: Pencil, u: Array, h: float) -> None:
@@ -94,3 +96,26 @@ def check_taut(model: Model, d: Array) -> None:
 def one_sided(model: Model) -> list[Any]:
     """Return the one-sided springs and elastic tendons of the case."""
     return [spring for spring in model.springs if spring.path and spring.breaks]
+
+
+def springs_acting(model: Model, d: Array, t: float) -> list[Any]:
+    """Return for each one-sided spring and elastic tendon whether it has stiffness at d (n_full,)."""
+    return [spring.forces(spring.G @ d[spring.dofs[0]], t)[1].any(keepdims=True) for spring in one_sided(model)]
+
+
+def share_without_switching(model: Model, a: tuple[Array, float], b: tuple[Array, float]) -> float:
+    """Return the share of the straight way between two states (d, t) just after which a spring begins or ceases to act.
+
+    1 if none does on the whole way.
+    """
+    def acting(x: float) -> list[bool]:
+        d, t = a[0] + x * (b[0] - a[0]), a[1] + x * (b[1] - a[1])
+        return [bool(one[0]) for one in springs_acting(model, d, t)]
+
+    first, low, high = acting(0.0), 0.0, 1.0
+    if acting(1.0) == first:
+        return 1.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if acting(middle) == first else (low, middle)
+    return high

@@ -20,6 +20,7 @@ from ..state import State
 from ..system import System
 from .continuation import Curve, Found, PathPoint
 from .newton import MAX_ITERATIONS, POOR, TOLERANCE, inexact, too_deep
+from .one_sided import share_without_switching
 from .path_events import (
     PathLog,
     ProbeGoal,
@@ -28,7 +29,7 @@ from .path_events import (
     goal_of,
     hides_limit_points,
     limit_between,
-    others_touch,
+    others_act,
 )
 from .path_steps import ArcSteps, ProbeSteps, Steps, leave
 from .static import unscaled
@@ -36,8 +37,8 @@ from .static import unscaled
 MOST_STEPS = 1000
 # number of iterations that a step should take
 WANTED = 6
-# the path may turn by 45 degrees in a step, in the metric of the path, unless other points press: there it may have a
-# kink, and the inertia shows which way the load factor goes after it
+# the path may turn by 45 degrees in a step, in the metric of the path, unless other points press or other springs act:
+# there it may have a kink, and the inertia shows which way the load factor goes after it
 LARGEST_TURN = np.cos(np.pi / 4)
 # and by 120 degrees at a corner; if it turns more, it goes back
 AT_CORNER = -0.5
@@ -165,17 +166,30 @@ class Follower:
 
     def _advance(self, a: PathPoint, h: float, guess: tuple[Array, float] | None = None) -> PathPoint:
         """Return the path's point a step of h from a. Raises ComputationError if the path is lost."""
-        curve, free = self.curve, self.model.numbering.free
         if guess is None:
             t = a.t + h * a.rate
-            guess = self.model.displacements(a.d[free] + h * a.z, t), t
+            guess = self.model.displacements(a.d[self.model.numbering.free] + h * a.z, t), t
+        try:
+            return self._reached(a, h, guess)
+        except ComputationError:
+            x = 1.0 if self.controlled else share_without_switching(self.model, (a.d, a.t), guess)
+            if x == 1.0:
+                raise
+            # where a stiff spring begins to act while the load factor falls, the factor turns back
+            corner, back = a.t + x * (guess[1] - a.t), a.t + (2.0 * x - 1.0) * (guess[1] - a.t)
+            d = self.model.displacements((a.d + x * (guess[0] - a.d))[self.model.numbering.free], corner)
+            return self._reached(a, h, (d, back))
+
+    def _reached(self, a: PathPoint, h: float, guess: tuple[Array, float]) -> PathPoint:
+        """Return the point a step of h from a to which a guess leads. Raises ComputationError if it is not the next."""
+        curve, free = self.curve, self.model.numbering.free
         restore_memory(self.model, a.touching)
         found = curve.correct(self.steps.control(a, h), *guess)
         check_crossed(self.model, found.d, (a.d, a.t), found.t)
         check_supports(curve.system, found.d, found.t)
         went = (found.d[free] - a.d[free], found.t - a.t)
         b = curve.point(found, a.s + h, self.steps.scale(a))
-        kink = others_touch(a, b)
+        kink = others_act(a, b)
         back = a.rate * b.rate * (-1.0) ** (b.negative - a.negative) < 0.0
         if kink and back and curve.knows_inertia and not self.controlled:
             b.z, b.rate = -b.z, -b.rate
@@ -184,7 +198,7 @@ class Follower:
         least = 0.0 if kink else AT_CORNER if corner else LARGEST_TURN
         for direction in (went,) if kink else (went, b.tangent):
             size = curve.metric.norm(direction) * curve.metric.norm(a.tangent)
-            # where a body meets an obstacle below its load, the load factor turns back at an acute corner
+            # where a body meets an obstacle or a stop below its load, the load factor turns back at an acute corner
             if curve.metric.dot(direction, a.tangent) < least * size and (
                     not kink or corner_between(curve, a, b) is None):
                 raise ComputationError("the path turns too sharply", at={"factor": float(f"{found.t:.6g}")})

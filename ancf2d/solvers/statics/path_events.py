@@ -144,11 +144,15 @@ def limit_between(curve: Curve, a: PathPoint, b: PathPoint, settled: Callable[[f
     low, high, f_low, f_high = a, b, a.rate, b.rate
     iterations = 0
     for _ in range(MOST_TRIALS):
+        narrow = _spread(curve, low, high.s - low.s) <= NARROW
+        if narrow and others_act(low, high) and corner_between(curve, low, high) is not None:
+            # at an acute corner, an arc may meet the path on both sides
+            return _interpolated(curve, low, high, iterations)
         s = low.s + (high.s - low.s) * f_low / (f_low - f_high)
         try:
             point = settled(s, between(curve.model, low, high, s))
         except ComputationError:
-            if _spread(curve, low, high.s - low.s) <= NARROW:
+            if narrow:
                 return _interpolated(curve, low, high, iterations)
             low, high = _closer(curve, low, high, s, settled)
             f_low, f_high = low.rate, high.rate
@@ -181,10 +185,11 @@ def _closer(curve: Curve, low: PathPoint, high: PathPoint, s: float,
     return ends[0], ends[1]
 
 
-def others_touch(a: PathPoint, b: PathPoint) -> bool:
-    """Return whether the sets of points that press, closed ones and those in layers, differ at two points of a path."""
+def others_act(a: PathPoint, b: PathPoint) -> bool:
+    """Return whether other contact points, closed or in layers, or other one-sided springs act at two points of a path.
+    """
     closed = any((one[:, STATUS] != two[:, STATUS]).any() for one, two in zip(a.touching, b.touching, strict=True))
-    return closed or any((one != two).any() for one, two in zip(a.pressed, b.pressed, strict=True))
+    return closed or any((one != two).any() for one, two in zip(a.acting, b.acting, strict=True))
 
 
 def corner_between(curve: Curve, a: PathPoint, b: PathPoint) -> tuple[Array, float] | None:
@@ -203,14 +208,14 @@ def corner_between(curve: Curve, a: PathPoint, b: PathPoint) -> tuple[Array, flo
 
 def _interpolated(curve: Curve, low: PathPoint, high: PathPoint, iterations: int) -> PathPoint:
     """Return the point where dt/ds = 0 between two very close ones, or where it changes sign at a corner."""
-    if others_touch(low, high) and (corner := corner_between(curve, low, high)) is not None:
+    if others_act(low, high) and (corner := corner_between(curve, low, high)) is not None:
         d, t = curve.model.displacements(*corner), corner[1]
         return replace(low, d=d, t=t, balance=curve.system.forces(d, t), iterations=iterations)
     x = low.rate / (low.rate - high.rate)
     s = low.s + x * (high.s - low.s)
     d, t = between(curve.model, low, high, s)
     return PathPoint(d, t, s, (1 - x) * low.z + x * high.z, 0.0, high.negative, curve.system.forces(d, t), iterations,
-                     high.increment, high.uncertainty, high.touching, high.pressed)
+                     high.increment, high.uncertainty, high.touching, high.acting)
 
 
 def goal_between(curve: Curve, goal: Goal, a: PathPoint, b: PathPoint,
