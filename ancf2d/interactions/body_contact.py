@@ -109,7 +109,6 @@ def body_pairs(item: Contact, name: str, one: BodyMesh, two: BodyMesh, extent: f
     soft, itself = item.law is not None, one is two
     # a body overlaps itself at a corner sharper than a right angle
     places = [*joined, *((one.starts[k], one.starts[k]) for k in corners_of(one, 0.5 * math.pi) if itself)]
-    follows = follows if itself or not soft else {}
     reach, out = [_excluded_length(one, s, two, t) for s, t in places], []
     for k, (mesh, other) in enumerate([(one, two)] if itself else [(one, two), (two, one)]):
         whole = soft or itself or _rank(mesh) < _rank(other)

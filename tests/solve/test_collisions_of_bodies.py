@@ -139,6 +139,21 @@ def test_bodies_do_not_pass_through_one_another_in_long_steps(velocity, x, dt):
     assert found.place("one@0.5")[1] > found.place("two@0.5")[1]
 
 
+def test_corners_that_supports_hold_on_each_other_do_not_touch():
+    """Their gap is round-off, and would begin and end contact in ever shorter steps."""
+    def leaf(y: float, length: float) -> dict[str, Any]:
+        return helpers.body(helpers.line(length, start=(0.0, y)), helpers.element("reissner3", 4),
+                            {"height": 0.01, "width": 0.05}, {"E": 1e8, "nu": 0.3, "rho": 1000})
+
+    found = ancf2d.solve({
+        "bodies": {"long": leaf(0.01, 1.0), "short": leaf(0.0, 0.6)},
+        "boundary_conditions": [{"type": "clamp", "at": "long@0"}, {"type": "clamp", "at": "short@0"}],
+        "loads": [{"type": "force", "at": "long@1", "value": [0, -0.1], "amplitude": {"type": "ramp", "t1": 0.05}}],
+        "contacts": [{"between": ["long", "short"], "law": {"stiffness": 1e7, "damping": 100}}],
+        "solver": {"type": "dynamic", "t_end": 0.01, "tolerance": 1e-4, "estimate": False}})
+    assert found.summary["steps"] < 300
+
+
 @pytest.mark.parametrize(("hard", "advice"), [(True, "more elements"), (False, "a stiffer law or none")])
 def test_overlapping_bodies_give_advice(hard: bool, advice: str) -> None:
     """A contact without a law gets no advice on laws."""
