@@ -113,6 +113,8 @@ class Binder:
         self.probes: tuple[str, ...] = ()
         self.controllers: tuple[str, ...] = ()
         self.states: tuple[str, ...] = ()
+        # record of the whole file, in which misplaced words are looked up
+        self.root: type | None = None
         # records of the same text, read before with other overrides
         self.known = KnownRecords()
 

@@ -85,7 +85,7 @@ class CaseText:
         changed = apply_overrides(root, list(overrides), problems)
         source = Source(self.name, self.text, changed)
         binder = Binder(vocabulary, problems)
-        binder.labels = _labels(changed)
+        binder.labels, binder.root = _labels(changed), Case
         _set_names(changed, binder)
         binder.known = self._records(root, binder)
         case = bind_record(Case, changed, (), binder)

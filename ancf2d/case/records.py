@@ -123,9 +123,11 @@ class OneOf(Kind):
             return binder.skip(path)
         tag = entry.node.text if isinstance(entry.node, Scalar) else ""
         if tag not in self.options:
-            shown = quoted(tag) if tag else entry.node.shown()
+            near = binder.nearest(tag, self.options, TYPO)
+            where = "" if near or binder.full or not binder.root else _misplaced(binder.root, tag)
+            shown = (quoted(tag) if tag else entry.node.shown()) + where
             return binder.unknown(entry.node.mark, (*path, "type"), shown, self.options,
-                                  binder.nearest(tag, self.options))
+                                  near or ("" if where else binder.nearest(tag, self.options)))
         return bind_record(self.options[tag], node, path, binder,
                            {f"type {name}": cls for name, cls in self.options.items()})
 
@@ -297,6 +299,13 @@ def elsewhere(cls: type, name: str, path: Path) -> list[str]:
         return [known_place]
     head = f"{dotted(path)}." if path else ""
     return _places(cls, name, head) or (_places(cls, name[:-1], head) if name.endswith("s") else [])
+
+
+def _misplaced(root: type, tag: str) -> str:
+    """Return a clause that says where a type belongs in a record of the whole file, or an empty text."""
+    key = next((key for key in (tag, f"{tag}s", f"{tag}es") if key in keys_of(root)), "")
+    places = [place for place in _places(root, tag, "") if f"type: {tag}," in place]
+    return f", which has its own key, {key}" if key else f", which belongs to {listed(places)}" if places else ""
 
 
 def _places(cls: type, word: str, head: str) -> list[str]:

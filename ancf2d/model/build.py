@@ -337,7 +337,9 @@ class _Builder:
             so = (f"so no static solution can be reached from the reference ({', '.join(idle)}: inactive in the "
                   "reference)") if idle else "so there is no static solution"
             self.report(("boundary_conditions",), f"{motion}, {so}", "a support, joint, spring or elastic tendon that "
-                        "prevents this" + (", such as a weak spring that always acts" if idle else ""))
+                        "prevents this" + (", such as a weak spring that always acts" if idle else "") + (
+                            ", or about: reference if the rotation of the frame holds it"
+                            if self.case.solver.vibrates and self.case.steady_rotation is not None else ""))
 
 
 def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = None,

@@ -262,7 +262,10 @@ def _scaled_modes(sources: Sequence[Source], first: int, count: int, swing: floa
 
 
 def _missing(results: Results) -> str:
-    return "" if SHAPES in results.arrays and results.bodies else "it holds no modes (solver eigen or buckling)"
+    shapes = results.arrays.get(SHAPES)
+    # buckling may find none
+    some = shapes is not None and shapes.size > 0
+    return "" if some and results.bodies else "it holds no modes (solver eigen or buckling)"
 
 
 MODES = Kind("modes", "mode shapes with their cross-sections, named by kind", _missing, modes, moving, single=True)

@@ -41,7 +41,9 @@ def scene(results: Results, wanted: Sequence[str] = ()) -> dict[str, Any]:
     if not results.bodies:
         raise ResultsError(f"{results.called} holds no bodies to show")
     drawn = [drawn_body(body) for body in results.bodies.values()]
-    modes = "modes/shapes" in results.arrays
+    shapes = results.arrays.get("modes/shapes")
+    # buckling may find none
+    modes = shapes is not None and shapes.size > 0
     if not modes and not results.nt:
         raise ResultsError(f"{results.called} holds no states to show")
     base = results.e(-1) if modes and results.solver == "eigen" and results.nt else results.e0

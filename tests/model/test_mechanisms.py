@@ -1,8 +1,11 @@
 """Rigid motions that nothing prevents are found before solving and named; supported models are not refused."""
 
+import math
+
 import helpers
 import pytest
 
+import ancf2d
 from ancf2d.errors import CaseError
 
 NAMES = list(helpers.KINDS.values())
@@ -83,6 +86,21 @@ def test_a_rotation_is_named_with_its_pole_and_a_translation_with_its_direction(
         scene("vallejo", [roller("a@0", "y"), roller("a@1", "y")])
     with pytest.raises(CaseError, match=r"'b' is free to turn about \(1, 0\)"):
         scene("vallejo", [CLAMP], [HINGE], second=True)
+
+
+def test_a_blade_on_a_hinge_is_referred_to_the_state_of_its_rotation():
+    """Its lag frequency is about omega sqrt(3 e/2 L), e the radius of the hinge."""
+    def modes(about):
+        stiff = {"EA": 1e6, "kGA": 1e6, "EI": 1e3, "rhoA": 1.0, "rhoI": 1e-4}
+        blade = helpers.body(helpers.line(1.0), helpers.element("reissner3", 4), stiff)
+        return helpers.load({"blade": blade}, {"type": "eigen", "modes": 1, "about": about},
+                            bc=[{"type": "pin", "at": "blade@0"}], steady_rotation={"omega": 10, "about": [-0.1, 0]})
+
+    with pytest.raises(CaseError) as caught:
+        ancf2d.solve(modes("static"))
+    assert "about: reference if the rotation of the frame holds it" in str(caught.value)
+    (lag,) = ancf2d.solve(modes("reference")).summary["frequencies"]
+    assert lag["omega"] == pytest.approx(10 * math.sqrt(0.15), rel=0.01)
 
 
 def test_the_pole_of_two_rollers_is_the_intersection_of_their_normals():

@@ -14,6 +14,7 @@ import pytest
 from synthetic import HEADER, bent_beam, coordinates, mechanism, table_file, tangent_body
 
 from ancf2d.errors import ResultsError
+from ancf2d.plot import modes
 from ancf2d.results import ResultWriter, open_results
 from ancf2d.results.export import export
 from ancf2d.results.symbols import symbols_of, tendons_of, tracks_of
@@ -45,6 +46,22 @@ RIDE = {
     "springs": [{"type": "translational", "stiffness": 1,
                  "between": [[0, 3], {"on": "road", "s": {"type": "ramp", "t1": 1}}]}],
     "solver": {"type": "dynamic", "t_end": 1, "tolerance": 1e-4, "estimate": False}, "output": {"interval": 0.1}}
+
+
+def test_a_file_of_buckling_without_modes_shows_its_state(tmp_path: Path) -> None:
+    """A transverse load has no critical factor; figures do not offer modes."""
+    text = """
+bodies: {beam: {geometry: {type: line, start: [0, 0], end: [2, 0]}, section: {height: 0.1, width: 0.1},
+                material: {E: 2e11, nu: 0.3}, element: {type: reissner3, count: 4}}}
+boundary_conditions: [{type: clamp, at: beam@0}]
+loads: [{type: force, at: beam@1, value: [0, -1]}]
+solver: {type: buckling}
+"""
+    (tmp_path / "bent.yaml").write_text(text)
+    run_case(load(tmp_path / "bent.yaml"), str(tmp_path / "bent.h5"))
+    with open_results(tmp_path / "bent.h5") as results:
+        assert embedded(make_page(results).html)["kind"] == "load"
+        assert modes.MODES.missing(results) == "it holds no modes (solver eigen or buckling)"
 
 
 def test_moving_loads_are_drawn_in_position(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from ..state import State
 from ..system import System
 from .continuation import Curve, Found, PathPoint
 from .newton import MAX_ITERATIONS, POOR, TOLERANCE, inexact, too_deep
-from .one_sided import share_without_switching
+from .one_sided import one_sided, share_without_switching
 from .path_events import (
     PathLog,
     ProbeGoal,
@@ -44,6 +44,8 @@ LARGEST_TURN = np.cos(np.pi / 4)
 AT_CORNER = -0.5
 # a change of inertia is bracketed to this share of the path before it counts as a bifurcation
 CORNERED = 1e-4
+# share of the way to a corner after which a step ends
+UP_TO = 0.999
 # possible pairs of limit points within a step are searched for down to this share of it
 CLOSEST_PAIR = 2.0**-8
 # limits at which the path is given up: cuts of one step, and its length as a share of the path
@@ -152,6 +154,8 @@ class Follower:
         while True:
             try:
                 b = self._advance(a, h)
+                if before := self._leg(a, b):
+                    b = self._advance(a, before)
                 if not self._doubtful(a, b, longest):
                     events = self._events(a, b)
                     differs = self._inertia_differs(a, b)
@@ -203,6 +207,18 @@ class Follower:
                     not kink or corner_between(curve, a, b) is None):
                 raise ComputationError("the path turns too sharply", at={"factor": float(f"{found.t:.6g}")})
         return b
+
+    def _leg(self, a: PathPoint, b: PathPoint) -> float:
+        """Return most of the arc from a to a corner before b, where a one-sided spring begins or ceases to act, or 0.
+
+        A limit point may be hidden before the corner.
+        """
+        if self.controlled or not one_sided(self.model) or not others_act(a, b):
+            return 0.0
+        if (corner := corner_between(self.curve, a, b)) is None:
+            return 0.0
+        leg = self.curve.metric.norm((corner[0] - a.d[self.model.numbering.free], corner[1] - a.t))
+        return UP_TO * leg if leg > CORNERED * b.s else 0.0
 
     def _inertia_differs(self, a: PathPoint, b: PathPoint) -> bool:
         """Return whether the inertia changes other than by the one eigenvalue of a limit point."""
