@@ -183,9 +183,11 @@ def _touch(model: Model, one: ContactTable, state: State) -> Touch:
 
 def check_pressed_through(model: Model, d: Array, at: dict[str, float]) -> None:
     """Raise ComputationError if bodies overlap so deeply that contact may let them pass."""
+    touching: list[Any] = [one for one in model.contact_tables if one.pair.on_bodies]
+    if not touching:
+        return
     from ..kernels.body_passages import may_be_deep
 
-    touching: list[Any] = [one for one in model.contact_tables if one.pair.on_bodies]
     for one in touching:
         pair = one.pair
         itself = pair.against is pair.mesh

@@ -90,7 +90,8 @@ accuracy: {wanted}
 
 @pytest.mark.parametrize("wanted", [1e-2, pytest.param(1e-3, marks=pytest.mark.slow)])
 def test_load_steps_of_friction_are_in_the_estimate(wanted: float) -> None:
-    """10 and 20 steps agree to 2e-5 by chance, 160 differ from both by 1e-3."""
+    """Differences of steps decrease irregularly, since points stick or slip in turns: 5.6, 3.7, 6.2 and 2.2 micrometres
+    from 20 steps on."""
     loaded = over_a_drum(0.3, wanted)
     reached = solve_to_accuracy(loaded)
     accuracy = reached.accuracy
@@ -99,7 +100,9 @@ def test_load_steps_of_friction_are_in_the_estimate(wanted: float) -> None:
     assert reached.outcome.summary["steps"] >= accuracy["steps"]
     setting = Setting(accuracy["elements"], steps={"steps": 160 if wanted > 1e-3 else 640})
     many = solve_for_goal(with_setting(loaded, setting)).answer
-    assert abs(accuracy["value"] - many.value) <= accuracy["steps_error"] * many.size <= wanted * many.size
+    error = abs(accuracy["value"] - many.value) / many.size
+    assert error <= accuracy["estimate"] <= wanted
+    assert error <= 3.0 * accuracy["steps_error"]
 
 
 @pytest.mark.slow
