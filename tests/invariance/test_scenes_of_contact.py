@@ -10,9 +10,6 @@ import numpy as np
 import pytest
 from instruments.scenes import touching, touching_bodies
 
-# of the first 150 pairs of beams, one equilibrium on a stiff layer is not found
-NOT_FOUND = (2,)
-
 
 @pytest.mark.trials([
     # bounces without loss until it spins by more than 0.4 rad in a step of 0.01 s
@@ -69,7 +66,9 @@ def test_a_beam_pressed_onto_stiff_layers_has_an_equilibrium(number: int) -> Non
     59, 31,
     # increments that lead too far, and that friction makes slow
     7, 25,
-    *(pytest.param(k, marks=pytest.mark.slow) for k in range(24) if k not in (7, *NOT_FOUND))])
+    # a thin beam that would pass through the softest layer
+    2,
+    *(pytest.param(k, marks=pytest.mark.slow) for k in range(24) if k not in (2, 7))])
 def test_a_beam_pressed_onto_another_has_an_equilibrium(number: int) -> None:
     assert touching_bodies.pressed(3, number) == []
 

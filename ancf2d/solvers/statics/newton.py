@@ -52,6 +52,8 @@ SLOWEST = 0.9
 VISITS = 8
 # stiffness of contact layers, relative to their own, in the solutions that lead to one that fails at once
 SOFTER = (1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3)
+# share up to which a solution may fail, because bodies pass through such soft layers
+TOO_SOFT = 1e-3
 
 
 @dataclass
@@ -120,10 +122,15 @@ def _solved(system: System, d: Array, t_old: float | None, t: float, tolerance: 
             raise
         except ComputationError:
             continue
+    found = False
     for share in SOFTER:
-        with softer_layers(system.model, share):
-            start = _newton(system, start, t_old, t, tolerance, max_iterations).d
-        t_old = t
+        try:
+            with softer_layers(system.model, share):
+                start = _newton(system, start.copy(), t if found else t_old, t, tolerance, max_iterations).d
+            found = True
+        except ComputationError:
+            if found or share > TOO_SOFT:
+                raise
     return _newton(system, start, t, t, tolerance, max_iterations)
 
 
