@@ -53,6 +53,8 @@ AT, AT_1, AT_2, RHO, BY, BY_BY, VECTOR, MATRIX, ROW, OTHER = 0, 9, 18, 27, 29, 4
 WORK = 388
 # most fields of a contact
 MOST_FIELDS = 100
+# largest cosine between outward normals of surfaces that may touch where pressure does not fade
+FACE_COSINE = -0.3
 # exponent of the depth in a layer as a function of the force, for round surfaces
 POWER = 2.0 / 3.0
 

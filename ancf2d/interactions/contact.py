@@ -39,9 +39,9 @@ NAME = Name()
 STICK = 100.0
 # largest gap that counts as closed, relative to the extent of the scene
 TOUCH = 1e-12
-# largest cosine between face normal and gap gradient at which a face may touch: a thin body has a back; with a law, the
-# end of a body bears alone if it is nearly parallel to the obstacle
-BACK, BACK_OF_LAYER = 0.7, -0.3
+# largest cosine between face normal and gap gradient at which a face may touch without a law: a thin body has a back.
+# With one, the end of a body bears alone if it is nearly parallel to the obstacle (FACE_COSINE)
+BACK = 0.7
 
 
 @record
@@ -146,7 +146,7 @@ class ContactPair:
             dofs.append(np.concatenate([mesh.dofs[p.ie], coords]))
             par.append([kind, terms, *offset_of(mesh, p.ie, p.eta), p.z, p.weight, *self._law(p), TOUCH * extent,
                         frame.kind, *frame.origin, frame.length, face_of(mesh, p, item.side),
-                        BACK if self.hard else BACK_OF_LAYER, *compliances_of(mesh, p, self.places_move),
+                        BACK if self.hard else geometry.FACE_COSINE, *compliances_of(mesh, p, self.places_move),
                         *obstacle.shape()])
         self.dofs: Index = np.array(dofs)
         self.G, self.p0, self.par = np.array(G), np.array(start), np.array(par)

@@ -44,6 +44,7 @@ from ..elements.contact_geometry import (
     AUGMENTATION,
     CLOSED,
     FACE,
+    FACE_COSINE,
     FRICTION,
     HOME,
     OPEN,
@@ -62,8 +63,8 @@ from .lowlevel.arrays import copy, numbers, vector
 from .lowlevel.jit import inner, kernel, seldom
 from .points import fields_of_first, fields_of_item, weights_of_item
 
-# largest cosine between outward normals of faces that may touch where pressure does not fade; of a corner and a surface
-FACE_COSINE, CORNER_COSINE = -0.3, 0.5
+# largest cosine between outward normals of a corner and a surface that may touch
+CORNER_COSINE = 0.5
 # results of ``_place_beyond``
 AT_END, ON_NEXT, IN_GAP = range(3)
 # equal positions, and energies
