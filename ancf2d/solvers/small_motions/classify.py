@@ -6,6 +6,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...elements.definition import derivative_order
 from ...elements.shape import Array
@@ -75,45 +76,59 @@ def _reference(mesh: BodyMesh, n_q: int) -> Array:
     return out
 
 
-def axis_energies(mesh: BodyMesh, e: Array, v: Array, natural: bool) -> Array:
-    """Return twice the strain energy (3,) of a small displacement v (n_q,) about coordinates e (n_q,).
+class AxisStrains:
+    """Strain energies of small displacements about coordinates e (n_q,), those of a beam with this axis and sections.
 
-    Stretch, bending and shear of a beam with this axis and these sections, sampled at two stations of each element. The
-    work against the tension of a stretched axis, which turns, counts as bending: taut strings have little else. With
-    ``natural`` strains, the stretch does not show the tension.
+    They are sampled at two stations of each element. The work against the tension of a stretched axis, which turns,
+    counts as bending: taut strings have little else. With ``natural`` strains, the stretch does not show the tension.
     """
-    element, section = mesh.plan.element, mesh.sections(STATIONS)
-    nc, zero = element.components, np.zeros(len(STATIONS))
 
-    def along(q: Array, i: int, j: int, c: int) -> Array:
-        rows = np.array([cls.shape(STATIONS, zero, i, j) for cls in mesh.classes])
-        return np.einsum("esk,ek->es", rows[mesh.cls], q[mesh.dofs][:, c::nc])
+    def __init__(self, mesh: BodyMesh, e: Array, natural: bool) -> None:
+        self.mesh, self.natural = mesh, natural
+        self.section = mesh.sections(STATIONS)
+        self.tables: dict[tuple[int, int], Array] = {}
+        self.rx = self._vector(e, 1, 0)
+        self.length = np.hypot(*self.rx)
+        self.ry = self._vector(e, 0, 1) if mesh.plan.element.section_kind == "interpolated" else None
 
-    rx, dx = (np.array([along(q, 1, 0, c) for c in (0, 1)]) for q in (e, v))
-    length = np.hypot(*rx)
-    stretch = (rx * dx).sum(axis=0) / length
-    turn = (rx[0] * dx[1] - rx[1] * dx[0]) / length**2
-    if element.has_theta:
-        theta = along(v, 0, 0, 2)
-    elif element.section_kind == "interpolated":
-        ry, dy = (np.array([along(q, 0, 1, c) for c in (0, 1)]) for q in (e, v))
-        theta = (ry[0] * dy[1] - ry[1] * dy[0]) / (ry**2).sum(axis=0)
-    else:
-        theta = turn
-    bent = (theta[:, 1] - theta[:, 0]) / ((STATIONS[1] - STATIONS[0]) * mesh.lengths)
-    weights = 0.5 * mesh.lengths[:, None]
-    terms = (section.EA, stretch), (section.EI, bent[:, None]), (section.kGA, turn - theta)
-    out = np.array([float((weights * k * strain**2).sum()) for k, strain in terms])
-    if not natural:
-        out[1] += float((weights * section.EA * np.maximum(length - 1.0 - TAUT, 0.0) * turn**2).sum())
-    return out
+    def _along(self, q: Array, i: int, j: int, c: int) -> Array:
+        """Return component c of the (i, j) derivative (..., ne, stations) on the axis of coordinates q (..., n_q)."""
+        mesh, zero = self.mesh, np.zeros(len(STATIONS))
+        if (i, j) not in self.tables:
+            self.tables[i, j] = np.array([cls.shape(STATIONS, zero, i, j) for cls in mesh.classes])
+        local = q[..., mesh.dofs[:, c::mesh.plan.element.components]]
+        return np.asarray((self.tables[i, j][mesh.cls] @ local[..., None])[..., 0])
+
+    def _vector(self, q: Array, i: int, j: int) -> Array:
+        return np.array([self._along(q, i, j, c) for c in (0, 1)])
+
+    def energies(self, V: Array) -> Array:
+        """Return twice the energy (m, 3) of displacements V (m, n_q) in stretch, bending and shear."""
+        mesh, section, rx, length = self.mesh, self.section, self.rx, self.length
+        dx = self._vector(V, 1, 0)
+        stretch = (rx[:, None] * dx).sum(axis=0) / length
+        turn = (rx[0] * dx[1] - rx[1] * dx[0]) / length**2
+        if mesh.plan.element.has_theta:
+            theta = self._along(V, 0, 0, 2)
+        elif self.ry is not None:
+            dy = self._vector(V, 0, 1)
+            theta = (self.ry[0] * dy[1] - self.ry[1] * dy[0]) / (self.ry**2).sum(axis=0)
+        else:
+            theta = turn
+        bent = (theta[..., 1] - theta[..., 0]) / ((STATIONS[1] - STATIONS[0]) * mesh.lengths)
+        weights = 0.5 * mesh.lengths[:, None]
+        terms = (section.EA, stretch), (section.EI, bent[..., None]), (section.kGA, turn - theta)
+        out = np.stack([(weights * k * strain**2).sum(axis=(1, 2)) for k, strain in terms], axis=1)
+        if not self.natural:
+            out[:, 1] += (weights * section.EA * np.maximum(length - 1.0 - TAUT, 0.0) * turn**2).sum(axis=(1, 2))
+        return out
 
 
 class Classifier:
     """Names the modes of one model; ``d`` is the state about which it vibrates."""
 
     def __init__(self, model: Model, d: Array) -> None:
-        self.model, self.d = model, d
+        self.model, self._d = model, d[:model.n_q]
         # axial and transverse refer to the state, which may hang down although the reference is horizontal
         self.meshes = {name: _turned(mesh, model.e0 + d[:model.n_q]) if d.any() else mesh
                        for name, mesh in model.meshes.items()}
@@ -121,20 +136,21 @@ class Classifier:
             name: [class_motions(c.sampler) for c in mesh.classes] for name, mesh in model.meshes.items()
             if mesh.plan.section.rhoA or not mesh.plan.rigid}
 
-    def __call__(self, v: Array, zero: bool) -> Verdict:
-        """Classify the velocity field v (n_q,); ``zero``: its strain energy is round-off."""
-        parts = {name: energies(self.meshes[name], classes, v) for name, classes in self.classes.items()}
-        extra = self._point_masses(v)
+    def __call__(self, V: Array, zero: NDArray[np.bool_]) -> list[Verdict]:
+        """Classify velocity fields V (m, n_q); ``zero`` (m,): their strain energy is round-off."""
+        parts = {name: energies(self.meshes[name], classes, V) for name, classes in self.classes.items()}
+        extra = self._point_masses(V)
         motions = sum((e.motions for e in parts.values()), extra)
-        total = sum(e.total for e in parts.values()) + float(extra.sum())
-        shares = dict(zip(MOTIONS, (float(m) for m in motions / total), strict=True))
-        shares = {k: shares[k] for k in ("transverse", "axial", "rotation", "stretch")}
-        shares["higher"] = max(0.0, 1.0 - sum(shares.values()))
-        gaps = sum(e.gaps for e in parts.values()) / total
-        functions = self._resolution(parts)
-        strain = self._strain(v)
-        verdict = Verdict("", shares, gaps, functions, strain)
-        return replace(verdict, kind=self._kind(verdict, zero, v))
+        total = sum(e.total for e in parts.values()) + extra.sum(axis=1)
+        gaps, strains = sum(e.gaps for e in parts.values()) / total, self._strains(V)
+        out = []
+        for k, v in enumerate(V):
+            shares = dict(zip(MOTIONS, (motions[k] / total[k]).tolist(), strict=True))
+            shares = {name: shares[name] for name in ("transverse", "axial", "rotation", "stretch")}
+            shares["higher"] = max(0.0, 1.0 - sum(shares.values()))
+            verdict = Verdict("", shares, float(gaps[k]), self._resolution(parts, k), strains[k])
+            out.append(replace(verdict, kind=self._kind(verdict, bool(zero[k]), v)))
+        return out
 
     def _kind(self, verdict: Verdict, zero: bool, v: Array) -> str:
         if zero or all(mesh.plan.rigid for mesh in self.model.meshes.values()):
@@ -164,40 +180,36 @@ class Classifier:
             return "axial"
         return "bending" if strain["bending"] + strain["shear"] >= MIXED else "mixed"
 
-    def _strain(self, v: Array) -> dict[str, float]:
-        """Return the shares of the strain energy of a displacement v (n_q,) in stretch, bending and shear."""
-        natural = {strain.mesh.plan.name for strain in self.model.loads.natural}
-        every = np.array([axis_energies(mesh, self.model.e0 + self.d[:self.model.n_q], v, name in natural)
-                          for name, mesh in self.model.meshes.items() if not mesh.plan.rigid]
-                         ).reshape(-1, 3).sum(axis=0)
-        total = float(every.sum())
-        if not total > 0.0:
-            return {}
-        return dict(zip(("axial", "bending", "shear"), (every / total).tolist(), strict=True))
+    def _strains(self, V: Array) -> list[dict[str, float]]:
+        """Return the shares of the strain energy of displacements V (m, n_q) in stretch, bending and shear."""
+        natural, e = {strain.mesh.plan.name for strain in self.model.loads.natural}, self.model.e0 + self._d
+        every = sum((AxisStrains(mesh, e, name in natural).energies(V) for name, mesh in self.model.meshes.items()
+                     if not mesh.plan.rigid), np.zeros((len(V), 3)))
+        return [dict(zip(("axial", "bending", "shear"), (one / one.sum()).tolist(), strict=True))
+                if one.sum() > 0.0 else {} for one in every]
 
-    def _resolution(self, parts: dict[str, Energies]) -> float:
+    def _resolution(self, parts: dict[str, Energies], number: int) -> float:
         """Return the functions per wave length for the dominant motion of the body with most kinetic energy."""
         deform = [name for name in parts if not self.model.meshes[name].plan.rigid]
         if not deform:
             return np.inf
-        name = max(deform, key=lambda k: parts[k].total)
-        e, mesh = parts[name], self.model.meshes[name]
-        k = int(np.argmax(e.motions))
-        if e.gradient[k] <= 0:
+        name = max(deform, key=lambda k: float(parts[k].total[number]))
+        motions, gradient, mesh = parts[name].motions[number], parts[name].gradient[number], self.model.meshes[name]
+        k = int(np.argmax(motions))
+        if gradient[k] <= 0:
             return np.inf
-        wave = 2 * np.pi * np.sqrt(e.motions[k] / e.gradient[k])
+        wave = 2 * np.pi * np.sqrt(motions[k] / gradient[k])
         return float(wave * functions_per_element(mesh)[k] * mesh.plan.count / mesh.plan.length)
 
-    def _point_masses(self, v: Array) -> Array:
-        """Return twice the kinetic energy of the point masses by section motion (4,)."""
-        out = np.zeros(4)
-        e = self.model.e0 + self.d[:self.model.n_q]
+    def _point_masses(self, V: Array) -> Array:
+        """Return twice the kinetic energy (m, 4) of the point masses by section motion."""
+        out, e = np.zeros((len(V), 4)), self.model.e0 + self._d
         for item in self.model.case.resting_masses:
             point = self.model.point(item.at)
             for term in mass_terms(item, point):
-                rate = np.array([dot(c, v) for c in term.columns])
+                rate = np.array([V[:, coords] @ by for coords, by in term.columns])
                 if len(rate) == 1:
-                    out[2] += term.inertia * rate[0] ** 2
+                    out[:, 2] += term.inertia * rate[0] ** 2
                     continue
                 along = np.array([np.cos(point.angle), np.sin(point.angle)])
                 if not term.place:
@@ -205,8 +217,8 @@ class Classifier:
                     along /= np.hypot(*along)
                 # a position moves along and across the beam, a direction stretches and rotates
                 first, second = (0, 1) if term.place else (3, 2)
-                out[first] += term.inertia * (along @ rate) ** 2
-                out[second] += term.inertia * (along[0] * rate[1] - along[1] * rate[0]) ** 2
+                out[:, first] += term.inertia * (along @ rate) ** 2
+                out[:, second] += term.inertia * (along[0] * rate[1] - along[1] * rate[0]) ** 2
         return out
 
     def is_rigid(self, v: Array) -> bool:
@@ -218,7 +230,7 @@ class Classifier:
         for name in self.classes:
             mesh = self.model.meshes[name]
             coords = mesh.first_dof + np.arange(mesh.n_dofs)
-            e = self.model.e0 + self.d[:self.model.n_q]
+            e = self.model.e0 + self._d
             fields = np.zeros((4, self.model.n_q))
             fields[:3, coords] = rigid_motion(mesh, coords, e, np.asarray(mesh.plan.position(0.5)[0])).T
             fields[3] = v
@@ -228,9 +240,9 @@ class Classifier:
         return bool(np.all(np.array(left) <= RIGID * np.array(total) + STILL * sum(total)))
 
     def _products(self, name: str, mesh: BodyMesh, fields: Array) -> Array:
-        local = [element_velocities(mesh, f) for f in fields]
+        local = element_velocities(mesh, fields)
         G = np.zeros((len(fields), len(fields)))
         for k, c in enumerate(self.classes[name]):
-            here = np.array([x[mesh.cls == k] for x in local])
+            here = local[:, mesh.cls == k]
             G += np.einsum("iea,jea->ij", here @ c.mass, here, optimize=True)
         return G

@@ -48,8 +48,7 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
         found = (_real if real else _complex)(small, spec)
     model, state = base.model, base.state
     shapes = full_shapes(model, found.vectors)
-    classifier = Classifier(model, state.d)
-    verdicts = [classifier(v, bool(zero)) for v, zero in zip(shapes, found.zero, strict=True)]
+    verdicts = Classifier(model, state.d)(shapes, found.zero)
     entries = frequencies(found, verdicts)
     state.report = {"frequencies": entries}
     state.arrays = {"modes/shapes": (shapes, "1", "mode shapes: rows of nodal coordinates, unit modal mass")}

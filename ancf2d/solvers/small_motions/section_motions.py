@@ -110,63 +110,64 @@ def _conforms(ends: Array, element: ElementType) -> bool:
 
 
 def element_velocities(mesh: BodyMesh, v: Array, elements: slice = slice(None)) -> Array:
-    """Return the coordinates (ne, n_dof) of a velocity (n_q,) element by element, each in its element's frame."""
-    out = v[mesh.dofs[elements]]
+    """Return the coordinates (..., ne, n_dof) of velocities (..., n_q) element by element, in their elements' frames."""
+    out = v[..., mesh.dofs[elements]]
     turn = mesh.turn[elements] if len(mesh.turn) > 1 else mesh.turn
     c, s = turn[:, :1], turn[:, 1:]
     nc = mesh.plan.element.components
-    x, y = out[:, 0::nc].copy(), out[:, 1::nc].copy()
-    out[:, 0::nc], out[:, 1::nc] = c * x + s * y, c * y - s * x
+    x, y = out[..., 0::nc].copy(), out[..., 1::nc].copy()
+    out[..., 0::nc], out[..., 1::nc] = c * x + s * y, c * y - s * x
     return out
 
 
 @dataclass
 class Energies:
-    """Twice the kinetic energy of one velocity field of a body, by its parts.
+    """Twice the kinetic energies of m velocity fields of a body, by their parts.
 
-    ``motions`` (4,) as in MOTIONS; ``total`` of the body; ``gaps``: energy of the gaps between neighbours; ``gradient``
-    (4,): sum of inertia times the square of each motion's derivative along the axis.
+    ``motions`` (m, 4) as in MOTIONS; ``total`` (m,) of the body; ``gaps`` (m,): energy of the gaps between neighbours;
+    ``gradient`` (m, 4): sum of inertia times the square of each motion's derivative along the axis.
     """
 
     motions: Array
-    total: float
-    gaps: float
+    total: Array
+    gaps: Array
     gradient: Array
 
 
-def _gaps(mesh: BodyMesh, classes: list[ClassMotions], v: Array) -> float:
-    """Return int rho |half the jump|^2 dA l, summed over the places where elements share a node."""
-    element = mesh.plan.element
+def _gaps(mesh: BodyMesh, classes: list[ClassMotions], V: Array) -> Array:
+    """Return int rho |half the jump|^2 dA l (m,), summed over the places where elements share a node."""
+    element, total = mesh.plan.element, np.zeros(len(V))
     if classes[0].conforming:
-        return 0.0
-    total = 0.0
-    local = v[mesh.dofs].reshape(len(mesh.dofs), element.n_shape, -1)
+        return total
+    local = V[:, mesh.dofs].reshape(len(V), len(mesh.dofs), element.n_shape, -1)
     second = np.flatnonzero(mesh.shares_start)
     meeting = np.stack([mesh.cls[second - 1], mesh.cls[second]], axis=1)
     for i, k in np.unique(meeting, axis=0).tolist():
         here = second[np.all(meeting == [i, k], axis=1)]
         a, b = classes[i], classes[k]
         l = 0.5 * (mesh.classes[i].shape.l + mesh.classes[k].shape.l)
-        jump = (np.einsum("yk,ekc->eyc", a.ends[1], local[here - 1])
-                - np.einsum("yk,ekc->eyc", b.ends[0], local[here]))
-        total += l * 0.25 * float(np.einsum("eyc,y->", jump**2, a.end_weight))
+        jump = a.ends[1] @ local[:, here - 1] - b.ends[0] @ local[:, here]
+        total += l * 0.25 * np.einsum("meyc,y->m", jump**2, a.end_weight)
     return total
 
 
-def energies(mesh: BodyMesh, classes: list[ClassMotions], v: Array) -> Energies:
-    """Return the kinetic energies of a velocity (n_q,) of one body."""
-    parts, gradient, total = np.zeros(4), np.zeros(4), 0.0
-    for first in range(0, mesh.plan.count, BLOCK):
-        block = slice(first, first + BLOCK)
-        local, cls = element_velocities(mesh, v, block), mesh.cls[block]
-        for k, c in enumerate(classes):
-            here = local[cls == k]
-            a = np.einsum("pxa,ea->pex", c.rows, here)
-            parts += np.einsum("pex,px->p", a**2, c.inertia)
-            total += float(np.einsum("ea,ab,eb->", here, c.mass, here, optimize=True))
-            slopes = a @ differentiation(c.xi).T / mesh.classes[k].shape.l
-            gradient += np.einsum("pex,px->p", slopes**2, c.inertia)
-    return Energies(parts, max(total, float(parts.sum())), _gaps(mesh, classes, v), gradient)
+def energies(mesh: BodyMesh, classes: list[ClassMotions], V: Array) -> Energies:
+    """Return the kinetic energies of velocities V (m, n_q) of one body."""
+    m, n_dof = len(V), mesh.dofs.shape[1]
+    parts, gradient, total = np.zeros((m, 4)), np.zeros((m, 4)), np.zeros(m)
+    rows, inertia, mass = (np.array([getattr(c, name) for c in classes]) for name in ("rows", "inertia", "mass"))
+    by_length = differentiation(classes[0].xi) / np.array([c.shape.l for c in mesh.classes])[:, None, None, None]
+    size = max(1, BLOCK // max(m, 1))
+    for first in range(0, mesh.plan.count, size):
+        block = slice(first, first + size)
+        cls = mesh.cls[block]
+        local = element_velocities(mesh, V, block).transpose(1, 2, 0)
+        a = (rows.reshape(len(rows), -1, n_dof)[cls] @ local).reshape(len(cls), 4, -1, m)
+        slopes = by_length[cls] @ a
+        parts += np.einsum("epxm,epx->mp", a**2, inertia[cls])
+        gradient += np.einsum("epxm,epx->mp", slopes**2, inertia[cls])
+        total += np.einsum("eam,eam->m", local, mass[cls] @ local)
+    return Energies(parts, np.maximum(total, parts.sum(axis=1)), _gaps(mesh, classes, V), gradient)
 
 
 def differentiation(x: Array) -> Array:

@@ -245,8 +245,8 @@ def _mesh_artefacts(model: Model, base: Array, V: Array) -> NDArray[np.bool_]:
     if any(mesh.plan.rigid for mesh in model.meshes.values()):
         # rigid bodies have no section motion to classify
         return np.zeros(len(V), dtype=bool)
-    classifier = Classifier(model, base)
-    return np.array([classifier(v, False).gaps > GAPS for v in full_shapes(model, V)], dtype=bool)
+    verdicts = Classifier(model, base)(full_shapes(model, V), np.zeros(len(V), dtype=bool))
+    return np.array([verdict.gaps > GAPS for verdict in verdicts], dtype=bool)
 
 
 def _preloaded(model: Model) -> tuple[Array, Array | None, list[str], int]:

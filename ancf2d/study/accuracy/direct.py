@@ -119,9 +119,9 @@ class Direct:
         if pursuit.written is not level:
             before = replace(level)
             pursuit.tell(f"{many(level.setting.elements, 'element')}: the result")
-            # without load steps the states are known
-            known: Solve | None = None if pursuit.loaded.case.solver.takes_guess else lambda model: iter(solved.states)
+            known: Solve | None = (lambda model: iter(solved.states)) if solved.whole else None
             pursuit.resolve_as_result(level, _always(verdict.estimate, error), known)
+            level.iterations = before.iterations if known else level.iterations
             if level.answer is None or relative_distance(before, level) > STRAYED * self.wanted:
                 return None
         return level, error, verdict.estimate

@@ -11,7 +11,7 @@ import time
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ...case import LoadedCase, refined
+from ...case import Buckling, Case, Eigen, LoadedCase, refined
 from ...errors import Ancf2dError
 from ...model.build import build_model
 from ...model.model import Model
@@ -29,17 +29,23 @@ UNSHOWN = 1.0
 LEAST, BEYOND = 0.75, 2.0
 # shares of the goal: larger differences from the coarser mesh make oscillating values, or any values, useless
 SWING, FAR = 0.02, 0.5
+# modes that neighbours find beyond that of the goal
+SPARE = 1
 # safety factor of the finer mesh's own error, and the largest order used for its estimate
 DOUBTFUL, UNCONFIRMED = 2.0, 3.0
 
 
 @dataclass
 class Neighbour:
-    """A neighbour of a solved mesh: its case, model and states; with load steps only the last one."""
+    """A neighbour of a solved mesh: its case, model and states; with load steps only the last one.
+
+    ``whole``: it has all the states and modes of the case.
+    """
 
     loaded: LoadedCase
     model: Model
     states: list[Any]
+    whole: bool = False
 
     @property
     def state(self) -> Any:
@@ -85,7 +91,8 @@ def solve_neighbour(level: Level, known: Neighbour, finer: bool) -> tuple[Level,
     try:
         case = refined(loaded) if finer else coarsened(loaded)
         # with an accuracy set, the solver does not check whether the mesh is fine enough
-        case = replace(case, case=replace(case.case, accuracy=case.case.accuracy or 1.0))
+        few = _with_few_modes(case.case, known.state)
+        case = replace(case, case=replace(few, accuracy=few.accuracy or 1.0))
         model = build_model(case)
         states = _solved(model, known.solved(level))
         value = quantity(loaded.case.goal, _summary(loaded, model, states[-1])) if states else None
@@ -95,10 +102,21 @@ def solve_neighbour(level: Level, known: Neighbour, finer: bool) -> tuple[Level,
     other.wall_s, other.dofs = time.perf_counter() - began, model.n_q
     if value is None or level.answer is None:
         return other, None
-    other.iterations = int(states[-1].history.get("iterations", 1))
+    other.iterations = sum(int(state.history.get("iterations", 1)) for state in states)
     smallest = level.answer.smallest
     other.answer = GoalValue(value, error_scale(value, smallest), None, smallest, period=level.answer.period)
-    return other, Neighbour(case, model, states)
+    return other, Neighbour(case, model, states, few.solver == loaded.case.solver and not few.solver.takes_guess)
+
+
+def _with_few_modes(case: Case, state: Any) -> Case:
+    """Return a case that finds hardly more modes or load factors than the goal's, whose number a state shows."""
+    goal, solver = case.goal, case.solver
+    if not isinstance(solver, Eigen | Buckling) or goal is None:
+        return case
+    wanted = [k for k, f in enumerate(state.report.get("frequencies", ()), 1)
+              if (f["kind"], f["number"]) == (goal.kind, goal.number)]
+    number = goal.load_factor or (wanted[0] if wanted else solver.modes)
+    return replace(case, solver=replace(solver, modes=min(solver.modes, number + SPARE)))
 
 
 def _solved(model: Model, solved: Solved) -> list[Any]:

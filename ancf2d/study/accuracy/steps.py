@@ -8,7 +8,9 @@ and of the mesh told apart, by runs on one mesh and by three meshes.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 from ..order import Estimate
@@ -150,6 +152,9 @@ class Motion:
 # of the wanted error: smaller effects of load steps or fibres on the goal leave the estimate of meshes valid; and the
 # least error assumed of a mesh twice as fine, as a share of the coarser one's
 MOVED, FALLS = 0.2, 0.35
+# factors by which halving the steps reduces their effect: of first order; and the slowest, of points that start to
+# slip one after another
+HALVED, SLOW = 0.5, 0.75
 # least ratio of the steps of two paths that shows their errors; largest number by which steps are divided to reach it
 APART, MOST = 1.4, 256.0
 
@@ -182,11 +187,9 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
 class _ShorterSteps:
     """Steps half as long as before on one mesh, with its ``error`` and the estimate ``found`` from other meshes.
 
-    Errors of steps are of first order: that of the shorter steps is the difference from the ``rough`` ones, twice as
-    long. At least half of the previous difference and a quarter of the one before are assumed, since points that stick
-    or slip alike by accident in both runs hide the difference. ``moved``: these differences; ``between``: paths with
-    hardly more steps than the rough one, because the path itself limits its steps; they show nothing. ``known``: the
-    level with this error; ``finer``: the mesh that the last level needs, if that is another one.
+    ``moved``: the changes of the goal from steps twice as long; ``between``: paths with hardly more steps than the
+    ``rough`` one, because the path itself limits its steps; they show nothing. ``known``: the level with this error;
+    ``finer``: the mesh that the last level needs, if that is another one.
     """
 
     pursuit: Pursuit
@@ -232,7 +235,7 @@ class _ShorterSteps:
         """Return the estimate from meshes for a level, and its error with that of the steps."""
         self.moved[-1] = max(relative_distance(level, other) for other in (self.rough, *self.between)
                              if other is not level)
-        error = self.pursuit.report["steps_error"] = max(0.5**k * moved for k, moved in enumerate(self.moved[:-4:-1]))
+        error = self.pursuit.report["steps_error"] = error_of_steps(self.moved)
         # before the level is written, so that its file lists the check
         if self._shows(level) and self.error <= self.pursuit.wanted:
             self._check_mesh(level)
@@ -248,6 +251,18 @@ class _ShorterSteps:
 
     def _steps(self, ratio: float) -> dict[str, Any]:
         return self.pursuit.loaded.case.solver.with_steps(ratio)
+
+
+def error_of_steps(moved: Sequence[float]) -> float:
+    """Return the error of the last of several runs, from the changes caused by halving the steps, last one last.
+
+    Changes that fall by a factor q sum up to the last one times q/(1 - q); q is the larger of the last two factors,
+    between 1/2, errors of first order, and SLOW. At least half of the change before and a quarter of the one before
+    that count as the last, since points that stick or slip alike by accident in two runs hide their difference.
+    """
+    falls = [b / a if a > 0.0 else SLOW * (b > 0.0) for a, b in pairwise(moved[-3:])]
+    q = min(max(HALVED, *falls), SLOW) if falls else HALVED
+    return max(HALVED**k * change for k, change in enumerate(moved[:-4:-1])) * q / (1.0 - q)
 
 
 def fine_enough(pursuit: Pursuit, level: Level, error: float, before: str) -> tuple[Level, float]:
