@@ -162,7 +162,7 @@ def energies(mesh: BodyMesh, classes: list[ClassMotions], V: Array) -> Energies:
         block = slice(first, first + size)
         cls = mesh.cls[block]
         local = element_velocities(mesh, V, block).transpose(1, 2, 0)
-        a = (rows.reshape(len(rows), -1, n_dof)[cls] @ local).reshape(len(cls), 4, -1, m)
+        a = (rows.reshape(len(rows), -1, n_dof)[cls] @ local).reshape(len(cls), *rows.shape[1:3], m)
         slopes = by_length[cls] @ a
         parts += np.einsum("epxm,epx->mp", a**2, inertia[cls])
         gradient += np.einsum("epxm,epx->mp", slopes**2, inertia[cls])
