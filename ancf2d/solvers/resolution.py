@@ -65,7 +65,7 @@ ADVICE = "Use more elements, or --accuracy with a goal; ancf2d convergence shows
 
 
 @dataclass
-class _Body:
+class CheckedBody:
     """One body: its section forces at Gauss points, and the compliances for their energy.
 
     ``stands_for``: number of bodies that it represents as a sample.
@@ -93,7 +93,7 @@ class _Body:
         slender = length / math.sqrt(12.0 * section.EI / section.EA)
         self.faint = section.EA * length * (FAINT * slender) ** 2
 
-    def without(self, which: Index) -> _Body:
+    def without(self, which: Index) -> CheckedBody:
         """Return the body without some of its elements (k,)."""
         out, keep = copy(self), ~np.isin(self.some, which)
         out.some, out.lengths = self.some[keep], self.lengths[keep]
@@ -207,14 +207,14 @@ class _Body:
         return self.weight * (energy + tau * power + 0.5 * tau * viscous_force(alone, tau, d, v, np.zeros_like(d)))
 
 
-def _bodies(model: Model) -> dict[str, _Body]:
+def _bodies(model: Model) -> dict[str, CheckedBody]:
     # layers can strain each other, which stores energy without section forces
     found = [(name, mesh) for name, mesh in model.meshes.items()
              if has_section_forces(mesh) and not mesh.plan.section.layers
              and mesh.plan.length > _shortest(mesh) * mesh.plan.section.height]
     looked = min(len(found), LOOKED)
     chosen = [found[(2 * k + 1) * len(found) // (2 * looked)] for k in range(looked)]
-    return {name: _Body(model, mesh, len(found) / looked) for name, mesh in chosen}
+    return {name: CheckedBody(model, mesh, len(found) / looked) for name, mesh in chosen}
 
 
 def _shortest(mesh: BodyMesh) -> float:
@@ -239,7 +239,7 @@ class Resolution:
         self.energy, self.count, self.next = 0.0, 0, 0.0
 
     @cached_property
-    def _bodies(self) -> dict[str, _Body]:
+    def _bodies(self) -> dict[str, CheckedBody]:
         return _bodies(self.model)
 
     def check(self, state: State) -> None:

@@ -110,7 +110,7 @@ def _conforms(ends: Array, element: ElementType) -> bool:
 
 
 def element_velocities(mesh: BodyMesh, v: Array, elements: slice = slice(None)) -> Array:
-    """Return the coordinates (..., ne, n_dof) of velocities (..., n_q) element by element, in their elements' frames."""
+    """Return the coordinates (..., ne, n_dof) of velocities (..., n_q) of each element, in the element's frame."""
     out = v[..., mesh.dofs[elements]]
     turn = mesh.turn[elements] if len(mesh.turn) > 1 else mesh.turn
     c, s = turn[:, :1], turn[:, 1:]

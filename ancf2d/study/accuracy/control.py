@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from ...case import Case, FrequencyResponse, Goal, LoadedCase, QuasiStatic, Rectangle, with_overrides
+from ...case import Case, FrequencyResponse, Goal, LoadedCase, QuasiStatic, with_overrides
 from ...errors import ComputationError, many
 from ...model.curve import stretches
 from ...model.plan import acting_points
@@ -22,6 +21,7 @@ from .direct import Direct
 from .estimates import relative_distance
 from .fibres import begin_fibres, in_fibres
 from .mesh import Ladder
+from .models import BEAM, choose_types
 from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit
 from .setting import Level, with_setting
 from .steps import Motion, in_steps
@@ -35,12 +35,6 @@ TIME, MODEL, POINTS, BEGUN = 0.2, 0.3, 0.1, 0.1
 SAFE = 1.25
 # of the wanted error: two solutions of one mesh further apart are on different branches
 BRANCH = 0.1
-BEAM, CABLE, RIGID = Variant("reissner3"), Variant("cable"), Variant("rigid")
-CONTINUUM = (Variant("ancf", (3, 3)), Variant("ancf", (3, 2)), Variant("ancf", (3, 1)))
-# times the coarsest mesh: the mesh for comparing models, and the finest one if refinement brings them closer
-SIZE, FINEST = 4.0, 64.0
-# of the goal: if models are further apart, refinement of their meshes is not tried
-FAR = 0.1
 
 
 @dataclass
@@ -241,87 +235,3 @@ def describe(accuracy: dict[str, Any], case: Case) -> str:
     verdict = "reached" if accuracy["achieved"] else "NOT reached"
     return (f"{measured}, {about} (wanted {accuracy['wanted']:.1e}: {verdict}), "
             f"{many(sum(accuracy['elements'].values()), 'element')}, {many(accuracy['solves'], 'solve')}")
-
-
-@dataclass
-class Choice:
-    """Element types by body, the reason for each, and the relative model error of the goal."""
-
-    types: dict[str, Variant]
-    why: dict[str, str]
-    error: float
-
-
-def candidates(pursuit: Pursuit, name: str) -> list[Variant]:
-    """Return the types that a body may have, the simplest first; the last one is the reference for errors."""
-    case = pursuit.loaded.case
-    goal = case.goal
-    # a single rigid body can move, but statics of it alone has no meaning
-    moves = case.solver.moves or len(case.bodies) > 1
-    out = [RIGID, CABLE, BEAM] if moves else [CABLE, BEAM]
-    if goal is not None and goal.model == "continuum" and isinstance(case.bodies[name].section, Rectangle):
-        out += CONTINUUM[::-1]
-    return out
-
-
-def choose_types(pursuit: Pursuit, bodies: list[str], allowed: float, tolerance: float | None) -> Choice:
-    """Return the simplest types that change the goal by no more than ``allowed`` (relative) in all.
-
-    One body after the other is made as simple as its share allows, with the present types of the others; the rest of
-    its share goes to the next body.
-    """
-    ladders = {name: candidates(pursuit, name) for name in bodies}
-    best = {name: ladder[-1] for name, ladder in ladders.items()}
-    types = dict(best)
-    why = {name: f"errors are relative to {ladder[-1].element}" for name, ladder in ladders.items()}
-    meshes = _Meshes(pursuit, tolerance)
-    if meshes.solve(best, SIZE, "reference model for the errors").answer is None:
-        return Choice(types, why, 0.0)
-    error, left = 0.0, allowed
-    for i, name in enumerate(bodies):
-        share = left / (len(bodies) - i)
-        for kind in ladders[name][:-1]:
-            tried = {**types, name: kind}
-            goal_change = meshes.goal_change(tried, best, error + share, f"{name} as {kind.element}")
-            if goal_change is None:
-                continue
-            if goal_change - error <= share:
-                types, error = tried, max(error, goal_change)
-                left = allowed - error
-                why[name] = (f"with {kind.element} the goal changes by {goal_change:.1e}; {share:.1e} is allowed for "
-                             "the model")
-                break
-            why[name] = (f"with {kind.element} the goal would change by {goal_change:.1e}, more than the {share:.1e} "
-                         "that is allowed for the model")
-    return Choice(types, why, error)
-
-
-@dataclass
-class _Meshes:
-    """The meshes on which models are compared."""
-
-    pursuit: Pursuit
-    tolerance: float | None
-
-    def solve(self, types: dict[str, Variant], size: float, why: str) -> Level:
-        """Return the level solved with some types on the mesh of a size."""
-        return self.pursuit.solve(Ladder(self.pursuit, types, self.tolerance).setting(size), why)
-
-    def goal_change(self, types: dict[str, Variant], best: dict[str, Variant], enough: float, why: str) -> float | None:
-        """Return how far the goal changes with simpler types, relative; None if the types are not possible.
-
-        A distance of more than ``enough`` may be due to the mesh instead of the model: meshes are doubled as long as
-        this reduces the distance at least by half.
-        """
-        if self.pursuit.why_refused(Ladder(self.pursuit, types, self.tolerance).setting(SIZE)) is not None:
-            return None
-        size, before = SIZE, float("inf")
-        finest = SIZE if self.tolerance is not None else FINEST
-        while True:
-            simple = self.solve(types, size, why)
-            gap = relative_distance(simple, self.solve(best, size, "reference model for the errors"))
-            # a mesh that misses an obstacle cannot be compared
-            gap = float("inf") if simple.missed_by else gap
-            if gap <= enough or 2.0 * size > finest or not gap <= min(FAR, 0.5 * before):
-                return min(gap, before) if math.isfinite(min(gap, before)) else None
-            size, before = 2.0 * size, gap

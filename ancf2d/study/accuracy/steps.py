@@ -154,7 +154,7 @@ class Motion:
 MOVED, FALLS = 0.2, 0.35
 # factors by which halving the steps reduces their effect: of first order; and the slowest, of points that start to
 # slip one after another
-HALVED, SLOW = 0.5, 0.75
+HALVED, SLOW = 0.5, 2.0 / 3.0
 # least ratio of the steps of two paths that shows their errors; largest number by which steps are divided to reach it
 APART, MOST = 1.4, 256.0
 

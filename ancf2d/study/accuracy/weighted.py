@@ -166,7 +166,7 @@ class GoalOf:
             # elastic forces are the gradient of the energy, unless loads store energy too
             full = equilibrium.state_at(model, z).Q
         elif self.goal.reaction is not None:
-            full = equilibrium.system.action(d, self._of_forces(z), equilibrium.t, equilibrium.linear,
+            full = equilibrium.system.action(d, self.of_forces(z), equilibrium.t, equilibrium.linear,
                                              loads=not equilibrium.linear)
         elif self.goal.probe is not None and self.goal.quantity in KINEMATIC:
             turned = equilibrium.system.count(d, equilibrium.t)
@@ -178,7 +178,7 @@ class GoalOf:
             return None
         return np.asarray(model.numbering.reduce(full))
 
-    def _of_forces(self, z: Array) -> Array:
+    def of_forces(self, z: Array) -> Array:
         """Return the derivatives (n_full,) of a reaction by the forces at the coordinates that its support holds."""
         model = self.equilibrium.model
         state, out = self.equilibrium.state_at(model, z), np.zeros(len(model.numbering.place))

@@ -1,0 +1,207 @@
+"""Choice of element types that a case leaves open: the simplest models that change the goal by little enough.
+
+In statics the reference model alone shows what simpler models would change. By virtual work, strains of a body that
+a simpler model leaves out displace the goal by int N N*/EA + Q Q*/kGA + M M*/EI ds, with the section forces N, Q, M of
+the state and N*, Q*, M* of the adjoint state, which the gradient of the goal causes as a load. The types that follow
+are solved once to confirm it. In other problems each type is solved.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...case import LoadedCase, Rectangle
+from ...elements.shape import Array
+from ...errors import ComputationError, SingularTangentError
+from ...quantities import KINEMATIC
+from ...solvers.resolution import CheckedBody
+from ..goal import Solved
+from ..variants import Variant
+from .estimates import relative_distance
+from .mesh import Ladder
+from .pursuit import Pursuit
+from .setting import Level
+from .weighted import GoalOf, has_adjoint
+
+BEAM, CABLE, RIGID = Variant("reissner3"), Variant("cable"), Variant("rigid")
+CONTINUUM = (Variant("ancf", (3, 3)), Variant("ancf", (3, 2)), Variant("ancf", (3, 1)))
+# strains that types leave out: stretch, shear, bending
+LEFT_OUT = {CABLE: (1,), RIGID: (0, 1, 2)}
+# times the coarsest mesh: the mesh for comparing models, and the finest one if refinement brings them closer
+SIZE, FINEST = 4.0, 64.0
+# of the goal: if models are further apart, refinement of their meshes is not tried
+FAR = 0.1
+# of what is allowed: smaller changes by virtual work need not be confirmed
+CLEAR = 0.1
+
+
+@dataclass
+class Choice:
+    """Element types by body, the reason for each, and the relative model error of the goal."""
+
+    types: dict[str, Variant]
+    why: dict[str, str]
+    error: float
+
+
+def candidates(pursuit: Pursuit, name: str) -> list[Variant]:
+    """Return the types that a body may have, the simplest first; the last one is the reference for errors."""
+    case = pursuit.loaded.case
+    goal = case.goal
+    # a single rigid body can move, but statics of it alone has no meaning
+    moves = case.solver.moves or len(case.bodies) > 1
+    out = [RIGID, CABLE, BEAM] if moves else [CABLE, BEAM]
+    if goal is not None and goal.model == "continuum" and isinstance(case.bodies[name].section, Rectangle):
+        out += CONTINUUM[::-1]
+    return out
+
+
+def choose_types(pursuit: Pursuit, bodies: list[str], allowed: float, tolerance: float | None) -> Choice:
+    """Return the simplest types that change the goal by no more than ``allowed`` (relative) in all."""
+    ladders = {name: candidates(pursuit, name) for name in bodies}
+    best, meshes = {name: ladder[-1] for name, ladder in ladders.items()}, _Meshes(pursuit, tolerance)
+    level = meshes.solve(best, SIZE, "reference model for the errors")
+    reference = Choice(best, {name: f"errors are relative to {kind.element}" for name, kind in best.items()}, 0.0)
+    if level.answer is None:
+        return reference
+    foreseen = _foreseen(pursuit, ladders, allowed, reference)
+    if foreseen is not None and meshes.confirms(foreseen, best, allowed):
+        return foreseen
+    return _one_by_one(meshes, ladders, allowed, reference)
+
+
+def _simplified(ladders: dict[str, list[Variant]], allowed: float, reference: Choice,
+                changed: Callable[[dict[str, Variant], str, Variant, float], float | None]) -> Choice:
+    """Return the types chosen for one body after the other, with the present types of the others.
+
+    Each body is made as simple as its share of ``allowed`` permits; the rest of its share goes to the next body.
+    ``changed`` gives the change of the goal with the present types but for one body, None if that is not possible, from
+    these types, the body, its type and the change that would be allowed in all.
+    """
+    types, why, error, left = dict(reference.types), dict(reference.why), 0.0, allowed
+    for i, (name, ladder) in enumerate(ladders.items()):
+        share = left / (len(ladders) - i)
+        for kind in ladder[:-1]:
+            change = changed(types, name, kind, error + share)
+            if change is None:
+                continue
+            if change - error <= share:
+                types, error = {**types, name: kind}, max(error, change)
+                left = allowed - error
+                why[name] = (f"with {kind.element} the goal changes by {change:.1e}; {share:.1e} is allowed for "
+                             "the model")
+                break
+            why[name] = (f"with {kind.element} the goal would change by {change:.1e}, more than the {share:.1e} "
+                         "that is allowed for the model")
+    return Choice(types, why, error)
+
+
+def _one_by_one(meshes: _Meshes, ladders: dict[str, list[Variant]], allowed: float, reference: Choice) -> Choice:
+    """Return the types chosen by a solution with each of them."""
+    return _simplified(ladders, allowed, reference, lambda types, name, kind, enough: meshes.goal_change(
+        {**types, name: kind}, reference.types, enough, f"{name} as {kind.element}"))
+
+
+def _foreseen(pursuit: Pursuit, ladders: dict[str, list[Variant]], allowed: float, reference: Choice) -> Choice | None:
+    """Return the types chosen by virtual work in the reference model solved last, or None if that does not apply."""
+    if any(kind not in LEFT_OUT for ladder in ladders.values() for kind in ladder[:-1]):
+        return None
+    assert pursuit.case is not None
+    assert pursuit.last is not None
+    level, solved = pursuit.last
+    effects = effects_of_strains(pursuit.case, solved, list(ladders))
+    if effects is None or level.answer is None:
+        return None
+    size = level.answer.size
+
+    def changed(types: dict[str, Variant], name: str, kind: Variant, enough: float) -> float:
+        """Return the sum over all bodies of the changes of the goal."""
+        return sum(abs(float(effects[body][LEFT_OUT[one],].sum())) / size
+                   for body, one in {**types, name: kind}.items() if one in LEFT_OUT)
+
+    return _simplified(ladders, allowed, reference, changed)
+
+
+def effects_of_strains(loaded: LoadedCase, solved: Solved, bodies: list[str]) -> dict[str, Array] | None:
+    """Return what stretch, shear and bending of each body (3,) contribute to the goal of statics, to first order.
+
+    None without an adjoint state, for goals that depend on stiffnesses other than through displacements and reactions,
+    or if natural strains act, which displace bodies without forces.
+    """
+    from ...solvers.derivatives.statics import Equilibrium
+
+    model, state, goal = solved.model, solved.state, loaded.case.goal
+    if goal is None or not has_adjoint(loaded, model) or model.loads.natural:
+        return None
+    if goal.reaction is None and (goal.probe is None or goal.quantity not in KINEMATIC):
+        return None
+    try:
+        found = Equilibrium(model, state, loaded.case.solver.linear, 0)
+        J = GoalOf(goal, found)
+        g = J.gradient(found.z, found.z)
+        if g is None:
+            return None
+        found.tangent_at(found.z)
+        adjoint = model.numbering.expanded(found.system.matrix.solve(g))
+        if goal.reaction is not None:
+            # the influence line of a reaction: the support itself moves
+            adjoint -= J.of_forces(found.z)
+    except (ComputationError, SingularTangentError, FloatingPointError):
+        return None
+    d = np.zeros_like(state.d) if state.linear else state.d
+    forces = found.system.action(d, adjoint, state.t, linear=found.linear, loads=not found.linear)
+    out = {}
+    for name in bodies:
+        body = CheckedBody(model, model.meshes[name])
+        own = body.forces(state, body.some)
+        other = body.added(state, adjoint, forces, None) if not state.linear else body.forces(
+            replace(state, d=state.d + adjoint, Q=state.Q + forces), body.some) - own
+        out[name] = np.einsum("ek,ekc,ekc,ekc->c", body.ds, own, other, body.compliance)
+    return out
+
+
+@dataclass
+class _Meshes:
+    """The meshes on which models are compared."""
+
+    pursuit: Pursuit
+    tolerance: float | None
+
+    def solve(self, types: dict[str, Variant], size: float, why: str) -> Level:
+        """Return the level solved with some types on the mesh of a size."""
+        return self.pursuit.solve(Ladder(self.pursuit, types, self.tolerance).setting(size), why)
+
+    def confirms(self, choice: Choice, best: dict[str, Variant], allowed: float) -> bool:
+        """Return whether a choice by virtual work changes the goal as little as that; set its error.
+
+        Much smaller changes need no solution, unless bodies are rigid, which may not be possible.
+        """
+        rigid = RIGID in choice.types.values()
+        if choice.error <= CLEAR * allowed and not rigid:
+            return True
+        change = self.goal_change(choice.types, best, allowed, "the types that follow")
+        choice.error = choice.error if change is None else change
+        return change is not None and change <= allowed
+
+    def goal_change(self, types: dict[str, Variant], best: dict[str, Variant], enough: float, why: str) -> float | None:
+        """Return how far the goal changes with simpler types, relative; None if the types are not possible.
+
+        A distance of more than ``enough`` may be due to the mesh instead of the model: meshes are doubled as long as
+        this reduces the distance at least by half.
+        """
+        if self.pursuit.why_refused(Ladder(self.pursuit, types, self.tolerance).setting(SIZE)) is not None:
+            return None
+        size, before = SIZE, float("inf")
+        finest = SIZE if self.tolerance is not None else FINEST
+        while True:
+            simple = self.solve(types, size, why)
+            gap = relative_distance(simple, self.solve(best, size, "reference model for the errors"))
+            # a mesh that misses an obstacle cannot be compared
+            gap = float("inf") if simple.missed_by else gap
+            if gap <= enough or 2.0 * size > finest or not gap <= min(FAR, 0.5 * before):
+                return min(gap, before) if math.isfinite(min(gap, before)) else None
+            size, before = 2.0 * size, gap

@@ -1,0 +1,63 @@
+"""Element types that the accuracy of a goal allows: what simpler models change, by virtual work."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pursued import CANTILEVER, TWO, case, limit
+
+from ancf2d.study.accuracy.control import solve_to_accuracy
+from ancf2d.study.accuracy.models import LEFT_OUT, effects_of_strains
+from ancf2d.study.accuracy.setting import Setting, with_setting
+from ancf2d.study.goal import solve_for_goal
+from ancf2d.study.variants import Variant
+
+CABLE, RIGID = Variant("cable"), Variant("rigid")
+PROPPED = ("boundary_conditions.0.name=wall", "boundary_conditions+={name: prop, type: roller, at: arm@1, fixed: y}",
+           "loads.0={type: distributed, on: arm, value: [0, -1e5]}", "bodies.post.section.height=0.4")
+
+
+@pytest.mark.parametrize("solver", ["static", "linear_static"])
+@pytest.mark.parametrize(("body", "kind"), [("arm", CABLE), ("post", CABLE), ("post", RIGID)])
+@pytest.mark.parametrize("sets", [(), ("goal.quantity=ux",), ("goal.quantity=theta", "output.probes.tip=arm@0.3"),
+                                  (*PROPPED, "goal={reaction: prop, quantity: fy}"),
+                                  (*PROPPED, "goal={reaction: wall, quantity: m}")])
+def test_virtual_work_gives_the_change_of_a_simpler_model(solver, body, kind, sets):
+    """dJ = -int N N*/EA + Q Q*/kGA + M M*/EI ds over the strains that the model leaves out, beside two solutions.
+
+    Loads and the compliances left out are small, so that the goal depends linearly on them.
+    """
+    loaded = case(TWO, "", f"solver.type={solver}", "loads.0.value=[0, -5e3]", *sets)
+    fine = {"post": 8, "arm": 16}
+    reference = with_setting(loaded, Setting(fine))
+    solved = solve_for_goal(reference)
+    effect = effects_of_strains(reference, solved, [body])[body][list(LEFT_OUT[kind])].sum()
+    simpler = {name: n for name, n in fine.items() if name != body or kind != RIGID}
+    change = solve_for_goal(with_setting(loaded, Setting(simpler, {body: kind}))).answer.value - solved.answer.value
+    assert -effect == pytest.approx(change, rel=0.02, abs=1e-9 * solved.answer.size)
+
+
+@pytest.mark.parametrize("sets", [("goal={probe: tip, quantity: M}", "output.probes.tip=arm@0.1"),
+                                  ("goal={quantity: strain_energy}",)])
+def test_goals_that_depend_on_stiffness_itself_have_no_virtual_work(sets):
+    loaded = with_setting(case(TWO, "", *sets), Setting({"post": 2, "arm": 4}))
+    assert effects_of_strains(loaded, solve_for_goal(loaded), ["arm"]) is None
+
+
+def test_an_open_type_in_statics_costs_one_solution_if_virtual_work_excludes_simpler_ones():
+    found = solve_to_accuracy(case(CANTILEVER, "auto", "accuracy=1e-4")).accuracy
+    assert found["types"]["beam"]["element"] == "reissner3"
+    assert found["solves"] == 3
+
+
+@pytest.mark.parametrize("goal", ["{probe: tip, quantity: uy}", "{probe: tip, quantity: M}"])
+def test_types_are_the_same_by_virtual_work_as_by_solving_each(goal):
+    """A stiff post is rigid, a slender arm needs no shear; the error is that of the model with these types."""
+    text = TWO.replace("element: {type: reissner3, count: 1}", "element: auto").replace("height: 0.2", "height: 2")
+    loaded = case(text, "", "accuracy=1e-2", f"goal={goal}", "output.probes.tip=arm@0.9")
+    found = solve_to_accuracy(loaded).accuracy
+    assert {name: one["element"] for name, one in found["types"].items()} == {"post": "rigid", "arm": "cable"}
+    exact = limit(case(text.replace("element: auto", "element: {type: reissner3, count: 1}"), "", f"goal={goal}",
+                       "output.probes.tip=arm@0.9"), 64)
+    assert abs(found["value"] - exact.value) <= found["estimate"] * exact.size
+    assert np.isfinite(found["model_error"])
