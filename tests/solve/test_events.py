@@ -179,6 +179,21 @@ def test_a_load_acts_between_two_conditions(method: str) -> None:
     assert solved.summary["energy_drift"] < 1e-7
 
 
+def test_events_end_although_round_off_makes_their_conditions_false_again() -> None:
+    """x'' = 2 until v reaches a goal: behind the located event, interpolated rates may be below it by round-off.
+
+    Such an event that marked nothing as true was located again and again, forever, with some of these goals.
+    """
+    random = np.random.default_rng(1)
+    for v in random.uniform(0.5, 3.0, 60).tolist():
+        goal = v + float(random.uniform(0.1, 1.0))
+        solved = run(1.2, loads=[{"type": "distributed", "on": "bar", "value": [2, 0],
+                                  "active": {"until": "end.vx >= goal"}}],
+                     parameters={"goal": goal}, initial={"velocity": [v, 0]})
+        event, = solved.summary["events"]
+        assert event["t"] == pytest.approx(0.5 * (goal - v), abs=1e-9)
+
+
 @pytest.mark.parametrize(("method", "dt", "order"), [("radau5", 0.01, 5), ("radau9", 0.08, None),
                                                      ("generalized_alpha", 0.005, 2), ("energy_momentum", 0.005, 2)])
 def test_the_order_is_kept_over_ten_conditions(method: str, dt: float, order: int | None) -> None:

@@ -186,7 +186,9 @@ def event_crossing(p, w, s, m, at, t, h, beyond):  # type: ignore[no-untyped-def
             high = middle
         else:
             low = middle
-    _within(p, w, s, m, at, t, h, high + 2.0 * FLOATS * FLOAT * (t + h) / h)
+    # round-off of interpolated rates may make a condition false again just behind the event
+    if _within(p, w, s, m, at, t, h, high + 2.0 * FLOATS * FLOAT * (t + h) / h) != SOME:
+        _within(p, w, s, m, at, t, h, high)
     return high
 
 
