@@ -186,8 +186,8 @@ def test_a_coarse_body_next_to_one_of_very_many_elements_gives_a_warning() -> No
 def test_a_sample_of_very_many_bodies_gives_the_same_as_one_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
     """Identical cantilevers, of which 50 are examined, and one alone."""
     looked = []
-    energies = resolution._Body.energies
-    monkeypatch.setattr(resolution._Body, "energies", lambda *given: looked.append(1) or energies(*given))
+    energies = resolution.CheckedBody.energies
+    monkeypatch.setattr(resolution.CheckedBody, "energies", lambda *given: looked.append(1) or energies(*given))
     told = []
     for count in (1, 120):
         bodies = {f"b{k}": helpers.body(helpers.line(2.0), helpers.element("2d2n", 2), SECTION, helpers.STEEL)

@@ -81,6 +81,21 @@ def test_a_pin_that_catches_a_rod_takes_a_quarter_of_its_momentum(method: str, a
     assert solved.summary["energy_drift"] < 1e-7
 
 
+def test_a_second_pin_stops_a_hinged_rod_by_the_force_across_it() -> None:
+    """At an angle of 0.0015 both its constraints stop the rod: the one along the rod would need 670 times the impulse.
+
+    The rod is at rest in all stored states: energies are relative to the kinetic energy that the pin takes.
+    """
+    solved = solve(t_end=0.1, loads=[{"type": "force", "at": "rod@1", "value": [0, 10], "active": {"from": 0.01}}],
+                   boundary_conditions=[{"type": "pin", "at": "rod@0"}, {
+                       "name": "stop", "type": "pin", "at": "rod@1", "active": {"from": 0.02}}])
+    [event] = [event for event in solved.summary["events"] if event["what"] == "stop begins"]
+    assert event["impulse"] == {"fx": pytest.approx(0, abs=1e-6), "fy": pytest.approx(-0.1, rel=1e-5),
+                                "m": pytest.approx(0, abs=1e-9)}
+    assert solved.summary["energy"]["dissipated"] == pytest.approx(0.5 / 3 * 0.3**2, rel=1e-5)
+    assert solved.summary["energy_drift"] < 1e-7
+
+
 @pytest.mark.parametrize(("method", "tolerance", "share"), [
     ("radau5", 1e-7, 1e-4), ("generalized_alpha", 1e-7, 2e-3), ("generalized_alpha", 1e-5, 6e-3)])
 def test_energy_lost_to_strong_damping_after_a_catch_is_counted(method: str, tolerance: float, share: float) -> None:

@@ -69,8 +69,8 @@ class Balance:
         self.stores_energy = any(pool.plan.formulation.law.extra_energy is not None for pool in model.pools)
         # [0] total at the start, [1] its largest change, [2] largest kinetic plus strain energy, [3] energy of springs
         # and moving masses at the start, [4] largest gain, [5] energy kept by materials and [6] their overcounted loss
-        # at the start
-        self.numbers = np.array([np.nan, 0.0, 0.0, np.nan, 0.0, 0.0, np.nan])
+        # at the start, [7] the loss up to the last state
+        self.numbers = np.array([np.nan, 0.0, 0.0, np.nan, 0.0, 0.0, np.nan, 0.0])
 
     def external(self, t: float) -> Array:
         """Return the dead loads (n_full,) at t."""
@@ -114,7 +114,9 @@ class Balance:
             if abs(change) > floor:
                 self.numbers[1] = max(self.numbers[1], abs(change))
                 self.numbers[4] = max(self.numbers[4], change)
-            self.numbers[2] = max(self.numbers[2], kinetic + strain)
+            # what an impact has taken since the last state was there before it
+            self.numbers[2] = max(self.numbers[2], kinetic + strain + max(lost - float(self.numbers[7]), 0.0))
+            self.numbers[7] = lost
         work = row.work + given - float(self.numbers[3]) + dead + potential
         return {"kinetic": kinetic + carried, "strain": strain + kept, "potential": potential + lifted,
                 "dissipated": lost - (kept - float(self.numbers[5])), "work": work}

@@ -215,35 +215,44 @@ class Events:
             self.offsets.setdefault(c.owner, {})[MOTIONS[c.holds]] = float(c.mem[0])
 
     def _switch_off_redundant(self, d: Array) -> None:
-        """Switch off constraints that others already imply at d (n_full,): their multipliers would be indeterminate."""
-        motion, model = self.motion, self.model
+        """Switch off constraints that others already imply at d (n_full,): their multipliers would be indeterminate.
+
+        Of those that imply each other, the one with the largest gradient stays: a support along a rigid bar that turns
+        would need huge forces.
+        """
+        motion = self.motion
         piece = motion.pieces[motion.piece]
-        known: list[Array] = []
         self.redundant.pop(piece.first, None)
         motion.enter(motion.piece)
+        own = {c.multiplier: k for k, c in self.switched}
+        rows = self._rows(d, {c.multiplier for k, c in self.switched if not self._is_on(k)})
+        least = {m: SAME * max(float(np.linalg.norm(row)), np.finfo(float).tiny) for m, row in rows.items()}
+        repeated: list[int] = []
+        while rows:
+            rest = {m: float(np.linalg.norm(row)) for m, row in rows.items()}
+            best = max(rows, key=lambda m: (m not in own, rest[m] > least[m], rest[m]))
+            row = rows.pop(best)
+            if rest[best] > least[best]:
+                row = row / rest[best]
+                rows = {m: other - (row @ other) * row for m, other in rows.items()}
+            elif best in own:
+                repeated.append(own[best])
+        if repeated:
+            self.redundant[piece.first] = sorted(repeated)
+            motion.enter(motion.piece)
+
+    def _rows(self, d: Array, off: set[int]) -> dict[int, Array]:
+        """Return the gradients (n,) at d (n_full,) by displacements of the unknowns, by multipliers that are not off."""
+        motion, model = self.motion, self.model
         weights = motion.p.weights[:motion.p.inner]
         one = np.divide(1.0, weights, out=np.zeros_like(weights), where=weights > 0.0)
-        gradients, repeated = self._gradients(d), []
-        own = {c.multiplier: k for k, c in self.switched}
-        off = {c.multiplier for k, c in self.switched if not self._is_on(k)}
-        for multiplier in sorted(gradients, key=lambda i: (i in own, i)):
-            coords, slopes = gradients[multiplier]
-            full = np.zeros(len(model.numbering.place))
-            np.add.at(full, coords, slopes)
-            row = model.numbering.reduce(full) * one
-            size = float(np.linalg.norm(row))
-            if multiplier in off:
-                continue
-            for other in known:
-                row = row - (other @ row) * other
-            rest = float(np.linalg.norm(row))
-            if rest > SAME * max(size, np.finfo(float).tiny):
-                known.append(row / rest)
-            elif multiplier in own:
-                repeated.append(own[multiplier])
-        if repeated:
-            self.redundant[piece.first] = repeated
-            motion.enter(motion.piece)
+        found = {}
+        for multiplier, (coords, slopes) in self._gradients(d).items():
+            if multiplier not in off:
+                full = np.zeros(len(model.numbering.place))
+                np.add.at(full, coords, slopes)
+                found[multiplier] = model.numbering.reduce(full) * one
+        return found
 
     def _gradients(self, d: Array) -> dict[int, tuple[Any, Array]]:
         """Return coordinates and gradient at d (n_full,) of each constraint, by its multiplier."""

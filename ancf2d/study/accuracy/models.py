@@ -18,14 +18,12 @@ from ...case import LoadedCase, Rectangle
 from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
 from ...quantities import KINEMATIC
-from ...solvers.resolution import CheckedBody
 from ..goal import Solved
 from ..variants import Variant
 from .estimates import relative_distance
 from .mesh import Ladder
 from .pursuit import Pursuit
 from .setting import Level
-from .weighted import GoalOf, has_adjoint
 
 BEAM, CABLE, RIGID = Variant("reissner3"), Variant("cable"), Variant("rigid")
 CONTINUUM = (Variant("ancf", (3, 3)), Variant("ancf", (3, 2)), Variant("ancf", (3, 1)))
@@ -133,6 +131,8 @@ def effects_of_strains(loaded: LoadedCase, solved: Solved, bodies: list[str]) ->
     or if natural strains act, which displace bodies without forces.
     """
     from ...solvers.derivatives.statics import Equilibrium
+    from ...solvers.resolution import CheckedBody
+    from .weighted import GoalOf, has_adjoint
 
     model, state, goal = solved.model, solved.state, loaded.case.goal
     if goal is None or not has_adjoint(loaded, model) or model.loads.natural:
