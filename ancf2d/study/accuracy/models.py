@@ -2,7 +2,7 @@
 
 In statics the reference model alone shows what simpler models would change. By virtual work, strains of a body that
 a simpler model leaves out displace the goal by int N N*/EA + Q Q*/kGA + M M*/EI ds, with the section forces N, Q, M of
-the state and N*, Q*, M* of the adjoint state, which the gradient of the goal causes as a load. The types that follow
+the state and N*, Q*, M* of the adjoint state, which the gradient of the goal causes as a load. Types with rigid bodies
 are solved once to confirm it. In other problems each type is solved.
 """
 
@@ -33,8 +33,6 @@ LEFT_OUT = {CABLE: (1,), RIGID: (0, 1, 2)}
 SIZE, FINEST = 4.0, 64.0
 # of the goal: if models are further apart, refinement of their meshes is not tried
 FAR = 0.1
-# of what is allowed: smaller changes by virtual work need not be confirmed
-CLEAR = 0.1
 
 
 @dataclass
@@ -176,12 +174,11 @@ class _Meshes:
         return self.pursuit.solve(Ladder(self.pursuit, types, self.tolerance).setting(size), why)
 
     def confirms(self, choice: Choice, best: dict[str, Variant], allowed: float) -> bool:
-        """Return whether a choice by virtual work changes the goal as little as that; set its error.
+        """Return whether rigid bodies are possible and change the goal as little as virtual work says; set the error.
 
-        Much smaller changes need no solution, unless bodies are rigid, which may not be possible.
+        Small changes by bodies without shear strains are those of virtual work.
         """
-        rigid = RIGID in choice.types.values()
-        if choice.error <= CLEAR * allowed and not rigid:
+        if RIGID not in choice.types.values():
             return True
         change = self.goal_change(choice.types, best, allowed, "the types that follow")
         choice.error = choice.error if change is None else change
