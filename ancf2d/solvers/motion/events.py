@@ -242,7 +242,7 @@ class Events:
             motion.enter(motion.piece)
 
     def _rows(self, d: Array, off: set[int]) -> dict[int, Array]:
-        """Return the gradients (n,) at d (n_full,) by displacements of the unknowns, by multipliers that are not off."""
+        """Return the gradients (n,) at d (n_full,) by displacements of the unknowns, for multipliers not ``off``."""
         motion, model = self.motion, self.model
         weights = motion.p.weights[:motion.p.inner]
         one = np.divide(1.0, weights, out=np.zeros_like(weights), where=weights > 0.0)
