@@ -104,6 +104,35 @@ def test_an_output_that_its_integral_alone_would_raise_stays_at_its_limit(method
     assert [found[n] for n in ("hub.theta", "motor:integral")] == pytest.approx(wanted[[0, 2]], abs=near)
 
 
+@pytest.mark.parametrize(("kp", "ki", "stiffness"), [(1.0, 5.0, 50.0), (5.0, 30.0, 50.0)])
+@pytest.mark.parametrize("method", ["radau5", "radau9", "generalized_alpha"])
+def test_a_limited_controller_drives_an_arm_against_a_stop(method, kp, ki, stiffness):
+    """Rates of the integral jump where the stop engages while the output is at its limit; compared with SciPy.
+
+    Errors of the integral that fall like the step, not its square, ended such motions in ever shorter steps.
+    """
+    pid = {"type": "pid", "input": "0.5 - hub.theta", "kp": kp, "ki": ki, "kd": 0.1, "filter": FILTER,
+           "limit": [-1.0, 1.0]}
+    stop = {"type": "translational", "between": [[1, 1], "arm@1"], "stiffness": stiffness, "only": "compression",
+            "length": 0.9}
+
+    def rates(t: float, y: np.ndarray) -> list[float]:
+        theta, omega, integral, filtered = y
+        e, x, up = 0.5 - theta, 1 - math.cos(theta), 1 - math.sin(theta)
+        u = kp * e + integral + 0.1 * (e - filtered) / FILTER
+        stops = (u >= 1.0 and e > 0) or (u <= -1.0 and e < 0)
+        gap = math.hypot(x, up)
+        push = stiffness * min(gap - 0.9, 0.0) / gap
+        turn = push * (up * math.cos(theta) - x * math.sin(theta))
+        return [omega, (min(max(u, -1.0), 1.0) + turn) / J, 0.0 if stops else ki * e, (e - filtered) / FILTER]
+
+    motion = ride(arm("motor", controllers={"motor": pid}, springs=[stop]), 1.0, tolerance=1e-6, method=method,
+                  estimate=False)
+    wanted = solve_ivp(rates, (0, 1), [0, 0, 0, 0.5], method="RK23", rtol=1e-4, atol=1e-6, max_step=1e-3).y[:, -1]
+    found = told(motion)
+    assert [found["hub.theta"], found["motor:integral"]] == pytest.approx(wanted[[0, 2]], abs=2e-3)
+
+
 def test_a_sampled_controller_is_its_recurrence():
     """Between samples the torque is constant, so the arm moves along parabolas."""
     step, theta, omega, integral, filtered = 0.01, 0.0, 0.0, 0.0, 1.0

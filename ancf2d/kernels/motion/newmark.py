@@ -35,7 +35,7 @@ from .state import (
     SINGULAR,
     STARTS_CONSISTENT,
 )
-from .step_control import increment_tolerance
+from .step_control import increment_tolerance, share_of_states
 
 # cost of a new tangent and its factors, in iterations: it is made if the old one would need more iterations than that
 MAKING = 3.0
@@ -186,7 +186,7 @@ def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     solve_with(p, w.A, w.y)
     for k in range(p.inner, len(m.alg)):
         # states of controllers have no mass: their error is the unfiltered term
-        w.y[k] = factor / ca * w.x[k]
+        w.y[k] = share_of_states(s, h) * factor / ca * w.x[k]
         weigh_state(p, s, k - p.inner, abs(m.end.v[k]))
     return norm(p, w.y)
 

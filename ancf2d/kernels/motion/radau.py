@@ -38,7 +38,7 @@ from .state import (
     TANGENT_STEP,
     TANGENT_TIME,
 )
-from .step_control import increment_tolerance, round_off
+from .step_control import increment_tolerance, round_off, share_of_states
 
 # failures of Newton's method after one also from z for which it is not tried there: in stiff motions it hardly helps
 WAIT = 4.0
@@ -182,9 +182,9 @@ def _error(m, p, w, s, h, kept):  # type: ignore[no-untyped-def]
         combine(m.embedded, 0, m.X, first, w.x, first, min(TILE, n - first))
         combine(m.embedded, 0, m.R, first, w.y, first, min(TILE, n - first))
     # states of controllers have no mass: their error is the unfiltered difference
-    states = p.feedback.rates
+    states, share = p.feedback.rates, share_of_states(s, h)
     for j in range(n - p.inner):
-        states[j] = w.x[p.inner + j] + g * s.v[p.inner + j]
+        states[j] = share * (w.x[p.inner + j] + g * s.v[p.inner + j])
     for k in range(n):
         w.x[k] = (w.x[k] + g * (s.v[k] + (g * s.a[k] + w.y[k]))) * p.coordinate[k] * f
     calls.mass_product(p.calls, (p, w.x, w.y))

@@ -202,6 +202,17 @@ def error_scale(s, size, fastest, h):  # type: ignore[no-untyped-def]
 
 
 @inner
+def share_of_states(s, h):  # type: ignore[no-untyped-def]
+    """Return the factor by which errors of controllers' states count in a norm that ``error_scale`` is to divide.
+
+    They are relative to the states even if errors of displacements count as those of rates: rates of states may jump,
+    and leave errors in proportion to the step however small it is.
+    """
+    size = s.numbers[SIZE]
+    return error_scale(s, size, 0.0, h) / size if size > 0.0 else 1.0
+
+
+@inner
 def relative_error(s, error, size, fastest, h):  # type: ignore[no-untyped-def]
     """Return an error of displacements relative to its scale (``error_scale``), or 0 if the scale is 0."""
     scale = error_scale(s, size, fastest, h)
