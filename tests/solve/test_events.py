@@ -264,6 +264,14 @@ def test_a_motion_ends_once_a_condition_holds(method: str) -> None:
     assert abs(float(solved.probes["end"]["vx"])) < 1e-12
 
 
+def test_a_motion_that_ends_before_its_first_stored_state_has_no_error_estimate() -> None:
+    solved = run(springs=[SPRING], initial={"velocity": [0.2, 0]}, solver={
+        "type": "dynamic", "t_end": 2, "tolerance": 1e-4, "until": "end.ux > 0.01"})
+    assert solved.summary["t"] < 0.1
+    assert solved.summary["accuracy"]["estimate"] is None
+    assert any("ends before the first stored state" in text for text in solved.summary["warnings"])
+
+
 CASE = """\
 bodies:
   bar:

@@ -254,7 +254,7 @@ class Estimate:
 
     def _richardson(self) -> tuple[float | None, float | None]:
         """Return the error extrapolated from three levels, and the observed power of the factor between them."""
-        if self.failed or self._alike():
+        if self.failed or self._alike() or not self.made.any():
             return None, None
         fine, rough = map(float, self._differences(self.moved, self.largest))
         # part of the error in locating contacts that open and close is the same at all levels
@@ -296,6 +296,9 @@ class Estimate:
         if self.failed:
             finer = "smaller steps" if self.factor == DOUBLE else "a smaller tolerance"
             return [f"no error estimate: {self.failed}. Use {finer}"]
+        if not self.made.any():
+            return ["no error estimate: the motion ends before the first stored state after its start. Use a smaller "
+                    "output.interval"]
         estimate, order = self._richardson()
         if self.factor == DOUBLE and estimate and estimate > 1e-3:
             why = "longer steps had to be divided" if self.levels < LEVELS else ""
