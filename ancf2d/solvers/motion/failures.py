@@ -101,8 +101,9 @@ def failure(motion: Any, outcome: int) -> ComputationError:
               SINGULAR: "the matrix of a step is singular"}.get(outcome, "Newton's method did not converge")
     return ComputationError(
         f"{reason}, however small the step", at=at, history=[float(x) for x in motion.w.history if x != 0.0],
-        advice=f"{other_method(motion)}look at the last states: an element may be inverted, or the mechanism may be "
-        "in a singular position. Smaller steps before it, or a smaller tolerance, may help")
+        advice=f"{other_method(motion)}{_larger_tolerance(motion, outcome)}look at the last states: an element may be "
+        "inverted, or the mechanism may be in a singular position. Smaller steps before it, or a smaller tolerance, may "
+        "help")
 
 
 def other_method(motion: Any) -> str:
@@ -111,6 +112,13 @@ def other_method(motion: Any) -> str:
     if not hard or any(pair.item.friction for pair in hard) or motion.method.order > SECOND_ORDER_ERROR:
         return ""
     return "use method radau5, whose steps end where contacts open and close, or a law for the contact; else "
+
+
+def _larger_tolerance(motion: Any, outcome: int) -> str:
+    """Return the advice to take a larger tolerance where the integral of a controller may stop at a limit, or none."""
+    if not motion.p.feedback.bounded or motion.dt > 0.0 or outcome in (NOT_FINITE, SINGULAR):
+        return ""
+    return "use a larger tolerance, since a controller that reaches its limit in a step can prevent convergence; else "
 
 
 def _driven_near(motion: Any) -> list[tuple[Any, int]]:
