@@ -102,8 +102,8 @@ def failure(motion: Any, outcome: int) -> ComputationError:
     return ComputationError(
         f"{reason}, however small the step", at=at, history=[float(x) for x in motion.w.history if x != 0.0],
         advice=f"{other_method(motion)}{_larger_tolerance(motion, outcome)}look at the last states: an element may be "
-        "inverted, or the mechanism may be in a singular position. Smaller steps before it, or a smaller tolerance, may "
-        "help")
+        "inverted, or the mechanism may be in a singular position. Smaller steps before it, or a smaller tolerance, "
+        "may help")
 
 
 def other_method(motion: Any) -> str:
