@@ -96,6 +96,18 @@ def test_a_second_pin_stops_a_hinged_rod_by_the_force_across_it() -> None:
     assert solved.summary["energy_drift"] < 1e-7
 
 
+def test_round_off_of_a_model_at_rest_has_no_energy_balance() -> None:
+    """A torque within a weld: only its round-off moves the rods."""
+    other = {**ROD, "geometry": {"type": "line", "start": [1, 0], "end": [1.7, 0.6]}}
+    solved = solve(t_end=0.4, bodies={"rod": ROD, "other": other}, joints=[
+        {"type": "weld", "between": ["rod@1", "other@0"]}], boundary_conditions=[{"type": "pin", "at": "rod@0"}],
+        loads=[{"type": "torque", "between": ["rod@1", "other@0"], "value": 1, "amplitude": {"type": "ramp", "t1": 0.1}}],
+        springs=[{"type": "rotational", "between": ["rod@0", "other@0"], "stiffness": 10}])
+    assert np.abs(solved.course["right"]["uy"]).max() < 1e-12
+    assert solved.summary["energy_drift"] == 0.0
+    assert not solved.summary["warnings"]
+
+
 @pytest.mark.parametrize(("method", "tolerance", "share"), [
     ("radau5", 1e-7, 1e-4), ("generalized_alpha", 1e-7, 2e-3), ("generalized_alpha", 1e-5, 6e-3)])
 def test_energy_lost_to_strong_damping_after_a_catch_is_counted(method: str, tolerance: float, share: float) -> None:
