@@ -7,7 +7,7 @@ from typing import Any
 from ..errors import CaseError, Problem, many, raise_any
 from .binder import listed, nearest
 from .compose import compose
-from .nodes import Entry, ListNode, MapNode, Mark, Node, Origin, Scalar, quoted
+from .nodes import Entry, ListNode, MapNode, Mark, Node, Origin, Scalar, quoted, resolve
 
 OPTION = "--set "
 
@@ -16,8 +16,8 @@ def apply_overrides(root: MapNode, overrides: list[str], problems: list[Problem]
     """Return ``root`` with each ``PATH=VALUE`` applied in turn; unchanged nodes are shared.
 
     PATH is dotted; a part that selects an item of a list is its index or its ``name``. ``PATH+=ITEM`` appends to a
-    list, which is created if it is missing; ``PATH=null`` removes a key, if it is there, or an item. Problems are added
-    to ``problems``, with a caret into the override.
+    list, which is created if it is missing; ``PATH=null`` removes a key, if it is there, or an item. A number in place
+    of a point BODY@S moves it to this S. Problems are added to ``problems``, with a caret into the override.
     """
     for text in overrides:
         try:
@@ -58,8 +58,16 @@ def _apply(root: MapNode, text: str) -> MapNode:
     elif removes:
         _remove(parent, parts)
     else:
-        _put(parent, parts, node)
+        _put(parent, parts, _along_body(below(parent, parts[-1][0]), node))
     return changed
+
+
+def _along_body(old: Node | None, new: Node) -> Node:
+    """Return the point BODY@S of the old body for a number S in place of such a point, else the new node."""
+    if not (isinstance(old, Scalar) and isinstance(new, Scalar) and old.shape == "text" and new.shape == "number"):
+        return new
+    body, at, place = old.text.partition("@")
+    return Scalar(new.mark, f"{body}@{new.text}", True) if at and isinstance(resolve(place), int | float) else new
 
 
 def _parts(path: str, origin: Origin) -> list[tuple[str, Mark]]:

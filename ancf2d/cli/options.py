@@ -131,8 +131,8 @@ cases_argument = click.argument("cases", nargs=-1, required=True, type=click.Pat
                                 callback=_case_name)
 set_option = click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE",
                           help="Override a value of the case, e.g. bodies.beam.element.count=32 or "
-                               "loads.0.value=[0,-500]; PATH+=ITEM appends to a list, PATH=null removes a key or an "
-                               "item. May be given several times.")
+                               "loads.0.value=[0,-500]; loads.0.at=0.5 moves a point BODY@S along its body, PATH+=ITEM "
+                               "appends to a list, PATH=null removes a key or an item. May be given several times.")
 vary_option = click.option("--vary", multiple=True, required=True, metavar="PATH=LOW:HIGH",
                            help="A number of the case and its bounds. May be given several times. The search starts "
                            "from the values of the case.")

@@ -35,6 +35,9 @@ def refusal(vocabulary, *overrides):
      lambda c: c.bodies["beam"].material.damping.kelvin_voigt == 1e-3),
     ("units.length=mm", lambda c: c.units.length == "mm"),
     ("output.probes.end=beam@1", lambda c: c.output.probes["end"].at.s == 1.0),
+    # a number in place of a point BODY@S moves it along the body
+    ("boundary_conditions.left.at=0.25", lambda c: (c.boundary_conditions[0].at.body,
+                                                    c.boundary_conditions[0].at.s) == ("beam", 0.25)),
     ("title=a = b", lambda c: c.title == "a = b"),
     ("loads.0.amplitude={type: expression, value: 't <= 1'}",
      lambda c: c.loads[0].amplitude.value(0.5) == 1.0),
