@@ -101,7 +101,8 @@ def test_round_off_of_a_model_at_rest_has_no_energy_balance() -> None:
     other = {**ROD, "geometry": {"type": "line", "start": [1, 0], "end": [1.7, 0.6]}}
     solved = solve(t_end=0.4, bodies={"rod": ROD, "other": other}, joints=[
         {"type": "weld", "between": ["rod@1", "other@0"]}], boundary_conditions=[{"type": "pin", "at": "rod@0"}],
-        loads=[{"type": "torque", "between": ["rod@1", "other@0"], "value": 1, "amplitude": {"type": "ramp", "t1": 0.1}}],
+        loads=[{"type": "torque", "between": ["rod@1", "other@0"], "value": 1,
+                "amplitude": {"type": "ramp", "t1": 0.1}}],
         springs=[{"type": "rotational", "between": ["rod@0", "other@0"], "stiffness": 10}])
     assert np.abs(solved.course["right"]["uy"]).max() < 1e-12
     assert solved.summary["energy_drift"] == 0.0
