@@ -21,8 +21,9 @@ from ..study.convergence import Steps
 from ..study.convergence import convergence as refine
 from ..study.digests import inputs_of
 from ..study.goal import Target
-from ..study.optimise import METHODS, Optimum, problem_of
+from ..study.optimise import METHODS, problem_of
 from ..study.optimise import optimise as improve
+from ..study.optimum import Optimum
 from ..study.pool import Workers
 from ..study.run import Outcome, prepare, run_case, vocabulary
 from ..study.run import load as load_file

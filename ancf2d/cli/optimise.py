@@ -13,7 +13,7 @@ from .session import Bar, Session
 from .text import command_line, number, say, table
 
 if TYPE_CHECKING:
-    from ..study.optimise import Optimum
+    from ..study.optimum import Optimum
 
 
 @click.command(epilog=examples(
@@ -54,7 +54,8 @@ def command(session: Session, case: str, vary: tuple[str, ...], minimise: str, c
     from ..results.target import CASE, RESULTS, check_output
     from ..study.digests import inputs_of
     from ..study.fit import write_case
-    from ..study.optimise import optimise, problem_of, write_optimisation
+    from ..study.optimise import optimise, problem_of
+    from ..study.optimum import write_optimisation
     from ..study.record import Progress
     from ..study.run import load
 
@@ -66,7 +67,7 @@ def command(session: Session, case: str, vary: tuple[str, ...], minimise: str, c
     with Bar("optimising", session.shows_progress) as bar:
         found = optimise(problem, method, iterations, Progress(compiling=session.note_once),
                          lambda point: bar.update(0.0, f"{minimise} = {number(point.value)}", 0.0))
-    found.warnings += write_case(loaded, {row["path"]: row["value"] for row in found.rows}, place,
+    found.warnings += write_case(loaded, {row.path: row.value for row in found.rows}, place,
                                  session.command_line, force)
     for text in found.warnings:
         session.warn(text)
@@ -89,7 +90,7 @@ def report(found: Optimum) -> str:
     """Return an optimum as printed text: the numbers, the minimum, the constraints."""
     bound = {"low": "at the lower bound", "high": "at the upper bound", None: ""}
     rows = [["number", "start", "best", ""]] + [
-        [row["path"], number(row["start"]), number(row["value"], 9), bound[row["at_bound"]]] for row in found.rows]
+        [row.path, number(row.start), number(row.value, 9), bound[row.at_bound]] for row in found.rows]
     lines = [found.title, ""] if found.title else []
     lines += [*table(rows, left=(0, 3)), ""]
     first = found.history[0].value

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,15 +15,14 @@ from ..case.axes import Bounds
 from ..case.numbers import CaseNumber, moved_starts, numbers_between
 from ..elements.shape import Array
 from ..errors import ComputationError, all_of, many
-from ..results import Column, write_tables
 from .expressions import MASS, Measures, Vocabulary, read_constraint, read_measure
 from .gradient import DifferentiableRun
+from .optimum import Optimum, Point, Row
 from .record import Progress
-from .run import result_header, vocabulary
+from .run import vocabulary
 from .sensitivity import on_its_mesh
 
 METHODS = {"slsqp": "SLSQP", "trust-constr": "trust-constr"}
-TABLE = "optimisation"
 # relative change of the minimum for convergence, and the relative violation up to which a constraint is met
 TOLERANCE, MET = 1e-9, 1e-6
 # a search ends if the gradient of the Lagrangian times the ranges of all numbers is less than this share of the
@@ -36,45 +34,6 @@ FAINT = 0.01
 SMALLEST = 0.01
 # shares of a number's range within which it is reported at its bound, and is set to the bound
 AT_BOUND, EXACT = 1e-6, 1e-12
-
-
-@dataclass
-class Point:
-    """Values of the numbers that have been tried, with the objective and the largest violation of a constraint."""
-
-    x: Array
-    value: float
-    missed: float
-
-
-@dataclass
-class Optimum:
-    """The best values found: ``rows`` by number, ``constraints``, and the ``history`` of evaluations that succeeded."""
-
-    case: str
-    title: str
-    measure: str
-    rows: list[dict[str, Any]]
-    minimum: float
-    constraints: list[dict[str, Any]]
-    evaluations: int
-    failed: int
-    gradients: int
-    found: bool
-    message: str
-    history: list[Point]
-    warnings: list[str] = field(default_factory=list)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the object that ``--json`` prints."""
-        out: dict[str, Any] = {
-            "case": self.case, "title": self.title, "status": "converged" if self.found else "failed",
-            "minimise": self.measure, "rows": self.rows, "minimum": self.minimum, "constraints": self.constraints,
-            "evaluations": self.evaluations, "failed": self.failed, "gradients": self.gradients,
-            "message": self.message, "warnings": self.warnings}
-        if not self.found:
-            out["reason"] = self.message
-        return out
 
 
 @dataclass
@@ -361,8 +320,7 @@ def _optimum(problem: Problem, search: _Search, y: Array, success: bool, message
     starts, rows = np.clip([v.value for v in problem.variables], search.low, search.high).tolist(), []
     for bound, start, value, share in zip(problem.bounds, starts, x.tolist(), y.tolist(), strict=True):
         at = "low" if share <= AT_BOUND else "high" if share >= 1 - AT_BOUND else None
-        rows.append({"path": bound.path, "value": value, "start": start, "low": bound.low,
-                     "high": bound.high, "at_bound": at})
+        rows.append(Row(bound.path, value, start, bound.low, bound.high, at))
     constraints, kept = [], True
     for text, kind, value, size in zip(problem.texts, problem.kinds, values[1:].tolist(), search.sizes[1:],
                                        strict=False):
@@ -381,18 +339,3 @@ def _optimum(problem: Problem, search: _Search, y: Array, success: bool, message
     return Optimum(loaded.source.file, loaded.case.title, minimised, rows, float(values[0]), constraints,
                    len(search.history) + search.failed, search.failed, search.gradients, success, message,
                    search.history, warned)
-
-
-def write_optimisation(found: Optimum, loaded: LoadedCase, path: str, command: str = "", *, force: bool = False
-                       ) -> Path:
-    """Write the history as table ``optimisation``; return the path. Raises ResultsError."""
-    columns = (Column("evaluation", "1", "number of the try", integer=True),
-               Column("minimised", "1", found.measure), Column("missed", "1", "largest excess of a constraint"),
-               *(Column(row["path"], "1", "in units of the case") for row in found.rows))
-    table: dict[str, list[Any]] = {
-        "evaluation": list(range(1, len(found.history) + 1)), "minimised": [p.value for p in found.history],
-        "missed": [p.missed for p in found.history],
-        **{row["path"]: [float(p.x[k]) for p in found.history] for k, row in enumerate(found.rows)}}
-    attrs = {"minimise": found.measure, "constrained": bool(found.constraints)}
-    return write_tables(path, result_header(loaded, command), {TABLE: (table, attrs)}, columns, found.as_json(),
-                        "converged" if found.found else "failed", force)

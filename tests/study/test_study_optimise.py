@@ -43,8 +43,8 @@ def test_lightest_cantilever(method):
     h = (4 * 1000.0 * 2.0**3 / (2e11 * 0.1 * 0.01)) ** (1 / 3)
     # sections shear, and the axis of the wall holds: a thousandth
     assert found.found
-    assert found.rows[0]["value"] == pytest.approx(h, rel=3e-3)
-    assert found.minimum == pytest.approx(7800 * 0.1 * 2.0 * found.rows[0]["value"] + 3.0, rel=1e-9)
+    assert found.rows[0].value == pytest.approx(h, rel=3e-3)
+    assert found.minimum == pytest.approx(7800 * 0.1 * 2.0 * found.rows[0].value + 3.0, rel=1e-9)
     (constraint,) = found.constraints
     assert constraint["met"]
     assert constraint["excess"] == pytest.approx(0.0, abs=1e-6)
@@ -55,7 +55,7 @@ def test_lightest_cantilever(method):
 def test_a_design_that_starts_at_a_bound_says_so():
     found = ancf2d.optimise(TEXT, {HEIGHT: (0.1, 0.2)}, "mass")
     assert f"{HEIGHT} is 0.05 in the case, beyond the bound 0.1: the search starts at 0.1" in found.warnings
-    assert found.rows[0]["start"] == 0.1
+    assert found.rows[0].start == 0.1
 
 
 def test_the_slowest_throw():
@@ -68,7 +68,7 @@ def test_the_slowest_throw():
     found = ancf2d.optimise(case, {"initial.velocity.0": (0, 9), "initial.velocity.1": (0, 20)},
                             "end.vx^2 + end.vy^2", "end.ux >= 3")
     assert found.found
-    assert [row["value"] for row in found.rows] == pytest.approx([3.0, 9.81], rel=1e-6)
+    assert [row.value for row in found.rows] == pytest.approx([3.0, 9.81], rel=1e-6)
     assert found.minimum == pytest.approx(9.0, rel=1e-6)
 
 
@@ -151,7 +151,7 @@ def test_the_start_is_the_number_of_the_case_or_the_bound_beyond_which_it_is():
     # 0.02 does not survive the scaling to the first range
     for low in (0.005, 0.03):
         (row,) = ancf2d.optimise(TEXT, {HEIGHT: (low, 0.05)}, "mass", overrides={HEIGHT: 0.02}, iterations=1).rows
-        assert row["start"] == max(0.02, low)
+        assert row.start == max(0.02, low)
 
 
 def test_all_errors_of_a_problem_are_reported_at_once():
@@ -253,7 +253,7 @@ def test_the_lightest_taper_of_given_strength(n):
     assert found.found
     assert found.gradients <= 25
     assert found.minimum == pytest.approx(mass, rel=1e-6)
-    assert [row["value"] for row in found.rows] == pytest.approx(h, rel=1e-4)
+    assert [row.value for row in found.rows] == pytest.approx(h, rel=1e-4)
 
 
 @pytest.mark.slow
@@ -292,7 +292,7 @@ def test_a_step_to_a_collapsing_design_is_shortened():
     def deflection(width):
         m = 10e3 / (250e6 * width * 0.1**2 / 6)
         return 250e6 * 2 / (3 * 2e11 * 0.1) * (5 - (3 + m) * np.sqrt(3 - 2 * m)) / m**2
-    width = best.rows[0]["value"]
+    width = best.rows[0].value
     assert best.minimum == pytest.approx(7850 * 0.1 * width)
     assert width == pytest.approx(brentq(lambda w: deflection(w) - 0.011, 0.0165, 0.02), rel=0.03)
     # runs that fail count
@@ -361,7 +361,7 @@ def test_the_lightest_taper_is_that_of_the_beam_equation():
                    options={"ftol": 1e-12, "maxiter": 500})
     assert own.success
     assert found.minimum == pytest.approx(own.fun, rel=2e-3)
-    h = np.array([row["value"] for row in found.rows])
+    h = np.array([row.value for row in found.rows])
     # the mass hardly feels the last heights
     assert h[:-2] == pytest.approx(own.x[:-2] / 100, rel=0.02)
     # of all beams with h = c sqrt(x) the one that bends by u: c^3 = 8 P/(E b u)
@@ -383,5 +383,5 @@ def test_infeasible_constraints_end_the_search(monkeypatch):
         "loads": [{"type": "force", "at": "beam@1", "value": [0, -5e5]}], "solver": {"type": "static"},
         "output": {"probes": {"tip": "beam@1"}}}, {"bodies.beam.section.height": (0.05, 0.2)}, "mass", "tip.uy >= 0.5")
     assert not found.found
-    assert found.rows[0]["at_bound"] == "high"
+    assert found.rows[0].at_bound == "high"
     assert len(calls) == 1
