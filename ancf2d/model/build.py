@@ -252,7 +252,7 @@ class _Builder:
         from_reference = ((self.case.initial is None or self.case.initial.from_ == "rest") if moving
                           else isinstance(solver, Static) and not solver.on_path)
         names = [n for n, _ in self.supports]
-        for motion in motions(self.equations):
+        for motion in motions(self.equations.rows, self.equations.constraints):
             # a static displacement or angle may jump in the first step
             starts = from_reference and (moving or motion.key in ("x", "y")) and motion.starts
             found = [motion.start_problem(self.extent)] if starts else []

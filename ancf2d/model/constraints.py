@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -307,10 +307,9 @@ class Motion:
         return f"{self.name} jumps at t = {found[0]:.6g}{more}", "a continuous motion, for example a smooth table"
 
 
-def motions(equations: Equations) -> Iterator[Motion]:
+def motions(rows: Iterable[Any], constraints: Iterable[Any]) -> Iterator[Motion]:
     """Yield the prescribed motions among the equations of supports."""
-    items: list[Any] = [*equations.rows, *equations.constraints]
-    for item in items:
+    for item in (*rows, *constraints):
         course = getattr(item, "signal", None)
         if course is not None and item.holds in MOTIONS:
             yield Motion(item.owner, MOTIONS[item.holds], course, getattr(item, "active", None))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ancf2d
-from ancf2d.errors import CaseError
+from ancf2d.errors import CaseError, ComputationError
 from ancf2d.model.build import build_model
 from ancf2d.solvers.state_results import reactions
 
@@ -79,6 +79,17 @@ def test_states_are_stored_after_each_interval() -> None:
     np.testing.assert_allclose(found.t, [0.0, 0.3, 0.6, 0.9, 1.0], rtol=1e-15)
     tip = [found.axis("rod", k)[-1, 1] for k in range(5)]
     np.testing.assert_allclose(tip, 1e-4 * found.t, rtol=1e-6)
+
+
+def test_a_failure_at_the_start_names_prescribed_motions_that_do_not_begin_there() -> None:
+    body = {"geometry": h.line(0.5), "element": h.element("reissner3", 8),
+            "section": {"height": 0.006, "width": 0.03}, "material": {"E": 2e11, "nu": 0.3}}
+    model = build_model(h.load({"leaf": body}, {"type": "quasi_static", "t_end": 1.0}, bc=[
+        {"type": "clamp", "at": "leaf@0"}, {"type": "prescribed", "at": "leaf@1", "name": "mover", "x": 2.0, "y": 0}]))
+    with pytest.raises(ComputationError) as caught:
+        h.Solution(model)
+    assert "mover: the prescribed x is 2 at t = 0, but the point is at x = 0.5" in caught.value.failure.advice
+    assert "prescribed y" not in caught.value.failure.advice
 
 
 def test_a_line_load_is_a_formula_in_time() -> None:

@@ -12,6 +12,7 @@ from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
 from ...model.breakpoints import case_stops
 from ...model.build import can_hang
+from ...model.constraints import motions
 from ...model.model import Model
 from ...model.timing import PathTiming
 from ..contact import memory, restore_memory
@@ -342,7 +343,8 @@ class LoadSteps:
                 "arc_length")
         if self.model.case.solver.timed:
             return ComputationError(f"no equilibrium was found at t = {t:.6g}: {f.reason}", at={"t": t},
-                                    history=f.history, advice=f.advice or BEYOND)
+                                    history=f.history, advice=(_jumps_at_start(self.model) if t == 0.0 else "")
+                                    or f.advice or BEYOND)
         sided = _springs_that_alone_hold(self.model) if t == 0.0 else []
         if sided:
             f.advice = (f"loads in the direction in which {', '.join(sided)} resist{'s' * (len(sided) == 1)}, since "
@@ -352,6 +354,13 @@ class LoadSteps:
             history=f.history,
             advice=f.advice or "method: arc_length if this is a limit point; else more steps, or supports that leave "
             "no mechanism")
+
+
+def _jumps_at_start(model: Model) -> str:
+    """Return the advice to let prescribed motions begin at the reference, with those that do not, or nothing."""
+    found = [problem[0] for motion in motions(model.rows, model.constraints) if motion.starts
+             and (problem := motion.start_problem(model.extent))]
+    return f"prescribed motions that begin at the reference. {'; '.join(found)}" if found else ""
 
 
 def _springs_that_alone_hold(model: Model) -> list[str]:
