@@ -7,7 +7,7 @@ from typing import Any
 from ..errors import CaseError, Problem, many, raise_any
 from .binder import listed, nearest
 from .compose import compose
-from .nodes import Entry, ListNode, MapNode, Mark, Node, Origin, Scalar, quoted, resolve
+from .nodes import Entry, ListNode, MapNode, Mark, Node, Origin, Scalar, quoted
 
 OPTION = "--set "
 
@@ -67,7 +67,8 @@ def _along_body(old: Node | None, new: Node) -> Node:
     if not (isinstance(old, Scalar) and isinstance(new, Scalar) and old.shape == "text" and new.shape == "number"):
         return new
     body, at, place = old.text.partition("@")
-    return Scalar(new.mark, f"{body}@{new.text}", True) if at and isinstance(resolve(place), int | float) else new
+    moves = at and Scalar(old.mark, place, True).shape == "number"
+    return Scalar(new.mark, f"{body}@{new.text}", True) if moves else new
 
 
 def _parts(path: str, origin: Origin) -> list[tuple[str, Mark]]:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from ancf2d.case import load_case, load_case_text
 from ancf2d.case.compose import compose
 from ancf2d.case.emit import written, yaml_text
-from ancf2d.case.nodes import Origin, plain_data
+from ancf2d.case.nodes import Origin, plain_data, resolve
 from ancf2d.errors import CaseError
 
 HERE = Path(__file__).parent
@@ -151,7 +151,7 @@ def test_texts_survive_being_written_out(text):
 @given(st.integers(0, len(TEXTS) - 1), st.integers(0, 10**6), st.sampled_from(ODD), st.booleans())
 @PROFILE
 def test_overrides(which, seed, value, further):
-    """An override gives the same as the value in the file would; null removes the key."""
+    """An override gives the same as the value in the file would; null removes the key, a number moves a point."""
     paths = list(places(DATA[which]))
     path = paths[seed % len(paths)]
     data = copy(DATA[which])
@@ -161,7 +161,10 @@ def test_overrides(which, seed, value, further):
         if value is None:
             del parent_of(data, path)[path[-1]]
         else:
-            parent_of(data, path)[path[-1]] = value
+            before = parent_of(data, path)[path[-1]]
+            body, at, place = before.partition("@") if isinstance(before, str) else ("", "", "")
+            moves = at and type(resolve(place)) in (int, float) and type(value) in (int, float)
+            parent_of(data, path)[path[-1]] = f"{body}@{as_text(value)}" if moves else value
         by_file = loads_or_explains(as_text(data), VOCABULARY)
         assert (by_override is None) == (by_file is None)
         if by_override is not None:
