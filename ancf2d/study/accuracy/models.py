@@ -174,12 +174,14 @@ class _Meshes:
         return self.pursuit.solve(Ladder(self.pursuit, types, self.tolerance).setting(size), why)
 
     def confirms(self, choice: Choice, best: dict[str, Variant], allowed: float) -> bool:
-        """Return whether rigid bodies are possible and change the goal as little as virtual work says; set the error.
+        """Return whether types chosen by virtual work are possible, and rigid ones change the goal as little as that.
 
-        Small changes by bodies without shear strains are those of virtual work.
+        For rigid bodies that change becomes the error. Without shear strains, small changes are those of virtual work.
         """
-        if RIGID not in choice.types.values():
+        if choice.types == best:
             return True
+        if RIGID not in choice.types.values():
+            return self.pursuit.why_refused(Ladder(self.pursuit, choice.types, self.tolerance).setting(SIZE)) is None
         change = self.goal_change(choice.types, best, allowed, "the types that follow")
         choice.error = choice.error if change is None else change
         return change is not None and change <= allowed
