@@ -43,7 +43,7 @@ def smallest_scale(goal: Goal, summary: dict[str, Any], model: Model, d: Any) ->
     """Return 1e-3 of the largest quantity of the goal's kind in the model.
 
     All probes and reactions count; for displacements also all nodal coordinates d (n_q,) and the least motion that is
-    not round-off, for positions the extent of the model.
+    not round-off, for rotations these over the extent of the model, for positions the extent.
     """
     from ..solvers.least_motion import least_motion
 
@@ -54,8 +54,9 @@ def smallest_scale(goal: Goal, summary: dict[str, Any], model: Model, d: Any) ->
         return smallest_peak(summary["response"][goal.input], kind)
     rows = [*summary["probes"].values(), *summary.get("reactions", {}).values()]
     largest = [abs(v) for row in rows for q, v in row.items() if KIND_OF.get(q) == kind]
-    if kind == "displacement":
-        largest += [float(abs(model.weights * d).max(initial=0.0)), least_motion(model) / SHARE]
+    if kind in ("displacement", "rotation"):
+        size = 1.0 if kind == "displacement" else model.extent
+        largest += [float(abs(model.weights * d).max(initial=0.0)) / size, least_motion(model) / SHARE / size]
     if kind == "position":
         largest.append(model.extent)
     return SHARE * max(largest, default=0.0)

@@ -132,6 +132,23 @@ def test_limit_points_are_located_where_the_tangent_is_singular_to_round_off(mon
     np.testing.assert_allclose([p["probes"]["top"]["y"] for p in points], [HIGH, -HIGH], rtol=1e-7)
 
 
+@pytest.mark.parametrize("longest", [0.1, 0.03])
+def test_a_loop_beside_other_parts_of_a_path_is_not_passed_over(longest):
+    """A shallow arch through six limit points, on 8 elements: the third and the fourth lie on a loop.
+
+    A step 30 times as long as the one before, towards a suspected bifurcation, passed from one side of it to the other.
+    """
+    arch = helpers.body({"type": "arc", "center": [0, -100], "radius": 100, "from": math.pi / 2 + 0.25,
+                         "to": math.pi / 2 - 0.25}, helpers.element("reissner3", 8), {"height": 1, "width": 1},
+                        {"E": 1e6, "nu": 0.3})
+    out = helpers.solved({"arch": arch}, path(reaches("apex", "uy", -6.5)) | {"largest_step": longest},
+                         bc=[{"type": "pin", "at": "arch@0"}, {"type": "pin", "at": "arch@1"}],
+                         loads=[{"type": "force", "at": "arch@0.5", "value": [0, -1]}],
+                         output={"probes": {"apex": "arch@0.5"}})
+    found = [point["factor"] for point in out.state.report["limit_points"]]
+    assert found == pytest.approx([409.33, -846.58, 736.82, 15.522, 987.10, -454.39], rel=1e-4)
+
+
 def test_limit_points_under_a_follower_load_are_stationary_points_of_the_load():
     """Lee's frame under a load that turns with the beam: the tangent is not symmetric, its determinant changes sign."""
     corners = {"type": "polyline", "points": [[0, 0], [0, 120], [120, 120]]}

@@ -157,6 +157,13 @@ def test_error_of_a_small_value_is_relative_to_the_largest_of_its_kind() -> None
     assert "round-off" in found.note
 
 
+def test_the_error_of_a_rotation_that_symmetry_forbids_is_relative_to_the_motion_of_the_model() -> None:
+    """The middle of a simply supported beam does not rotate, and there is no other probe."""
+    loaded = load(CANTILEVER.replace("type: clamp", "type: pin").replace("beam@1", "beam@0.5"), "goal.quantity=theta",
+                  "boundary_conditions+={type: pin, at: beam@1}")
+    assert "round-off" in convergence(loaded, meshes=[2, 4, 8]).series[0].estimate.note
+
+
 def test_the_error_of_zero_displacements_is_zero() -> None:
     """Displacements of 1e-123 count as zero, though none of their digits agree between meshes."""
     loaded = load(CANTILEVER)

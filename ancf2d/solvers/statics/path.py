@@ -278,15 +278,17 @@ class Follower:
         return first, [(first, "step")], [warning]
 
     def _after(self, b: PathPoint, h: float, crossed: bool) -> float:
-        """Return the next step after one of h: towards a suspected bifurcation, or according to the iterations."""
+        """Return the next step after one of h: towards a suspected bifurcation, or according to the iterations.
+
+        Longer steps than these resume behind a bifurcation alone: they may pass to another part of a path that turns.
+        """
         rest, near = self.suspect - b.s, CORNERED * b.s
-        if rest > 0.1 * near and not crossed:
-            return rest if rest <= near else max(0.5 * rest, near)
-        if self.suspect > 0:
-            self.suspect = 0.0
-            return self.resume
         grow = float(np.clip(np.sqrt(WANTED / max(b.iterations, 1)), 0.5, 2.0))
-        return h * (min(grow, 1.0) if self.cuts else grow)
+        usual = h * (min(grow, 1.0) if self.cuts else grow)
+        if rest > 0.1 * near and not crossed:
+            return min(rest if rest <= near else max(0.5 * rest, near), usual)
+        resumes, self.suspect = self.suspect > 0, 0.0
+        return self.resume if resumes and crossed else usual
 
     def _state(self, point: PathPoint, kind: str, warnings: list[str]) -> State:
         """Return the state to be yielded for a point."""
