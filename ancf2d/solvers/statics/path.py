@@ -286,7 +286,7 @@ class Follower:
         grow = float(np.clip(np.sqrt(WANTED / max(b.iterations, 1)), 0.5, 2.0))
         usual = h * (min(grow, 1.0) if self.cuts else grow)
         if rest > 0.1 * near and not crossed:
-            return min(rest if rest <= near else max(0.5 * rest, near), usual)
+            return min(rest, max(min(0.5 * rest, usual), near))
         resumes, self.suspect = self.suspect > 0, 0.0
         return self.resume if resumes and crossed else usual
 
