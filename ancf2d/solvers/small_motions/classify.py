@@ -28,6 +28,8 @@ GAPS = 0.1
 RESOLVED = 3.0
 # strain of the axis that is round-off
 TAUT = 1e-12
+# number of elements times modes that are classified together, which bounds the memory for them
+TOGETHER = 100_000
 # share of a body's kinetic energy that its rigid motions may leave out; share of the total that is round-off
 RIGID, STILL = 1e-6, 1e-12
 
@@ -138,6 +140,11 @@ class Classifier:
 
     def __call__(self, V: Array, zero: NDArray[np.bool_]) -> list[Verdict]:
         """Classify velocity fields V (m, n_q); ``zero`` (m,): their strain energy is round-off."""
+        some = max(1, TOGETHER // max(self.model.n_elements, 1))
+        return [verdict for first in range(0, len(V), some)
+                for verdict in self._verdicts(V[first:first + some], zero[first:first + some])]
+
+    def _verdicts(self, V: Array, zero: NDArray[np.bool_]) -> list[Verdict]:
         parts = {name: energies(self.meshes[name], classes, V) for name, classes in self.classes.items()}
         extra = self._point_masses(V)
         motions = sum((e.motions for e in parts.values()), extra)
