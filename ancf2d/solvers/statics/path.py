@@ -280,7 +280,7 @@ class Follower:
     def _after(self, b: PathPoint, h: float, crossed: bool) -> float:
         """Return the next step after one of h: towards a suspected bifurcation, or according to the iterations.
 
-        Longer steps than these resume behind a bifurcation alone: they may pass to another part of a path that turns.
+        Full length resumes only behind a bifurcation: elsewhere, long steps could pass over a turn of the path.
         """
         rest, near = self.suspect - b.s, CORNERED * b.s
         grow = float(np.clip(np.sqrt(WANTED / max(b.iterations, 1)), 0.5, 2.0))
