@@ -280,15 +280,17 @@ class Follower:
     def _after(self, b: PathPoint, h: float, crossed: bool) -> float:
         """Return the next step after one of h: towards a suspected bifurcation, or according to the iterations.
 
-        Full length resumes only behind a bifurcation: elsewhere, long steps could pass over a turn of the path.
+        Full length resumes only behind a bifurcation: elsewhere, long steps could pass over a turn of the path. With
+        history variables it always does: there, the inertia changes where fibres unload.
         """
         rest, near = self.suspect - b.s, CORNERED * b.s
         grow = float(np.clip(np.sqrt(WANTED / max(b.iterations, 1)), 0.5, 2.0))
         usual = h * (min(grow, 1.0) if self.cuts else grow)
+        remembers = self.model.remembers
         if rest > 0.1 * near and not crossed:
-            return min(rest, max(min(0.5 * rest, usual), near))
-        resumes, self.suspect = self.suspect > 0, 0.0
-        return self.resume if resumes and crossed else usual
+            return min(rest, max(0.5 * rest if remembers else min(0.5 * rest, usual), near))
+        resumes, self.suspect = self.suspect > 0 and (crossed or remembers), 0.0
+        return self.resume if resumes else usual
 
     def _state(self, point: PathPoint, kind: str, warnings: list[str]) -> State:
         """Return the state to be yielded for a point."""
