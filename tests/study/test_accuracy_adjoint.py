@@ -10,7 +10,7 @@ from ancf2d.elements import registry
 from ancf2d.solvers.derivatives.statics import Equilibrium
 from ancf2d.study.accuracy.control import solve_to_accuracy
 from ancf2d.study.accuracy.direct import order_of
-from ancf2d.study.accuracy.neighbours import SAFETY, verdict_of, verdict_of_two
+from ancf2d.study.accuracy.neighbours import SAFETY, Neighbour, solve_neighbour, verdict_of, verdict_of_two
 from ancf2d.study.accuracy.setting import Level, Setting, with_setting
 from ancf2d.study.accuracy.weighted import GoalOf, weighted
 from ancf2d.study.goal import GoalValue, solve_for_goal
@@ -159,3 +159,18 @@ def test_gradients_of_goals_need_no_differences(goal, solver):
     J, z = GoalOf(loaded.case.goal, equilibrium), equilibrium.z
     differences = [J.slope(z, way) for way in np.eye(len(z))]
     assert J.by_formula(z) == pytest.approx(differences, rel=1e-4, abs=1e-6 * np.abs(differences).max())
+
+
+MODES = ("solver={type: eigen, modes: 12}", "goal={kind: bending, number: 3}", "loads=[]")
+
+
+def test_neighbours_of_a_neighbour_with_few_modes_are_not_whole_either():
+    loaded = case(CANTILEVER, "{type: vallejo, count: 3}", *MODES)
+    coarse = with_setting(loaded, Setting({"beam": 6}))
+    solved = solve_for_goal(coarse)
+    known, at = Neighbour(coarse, solved.model, [solved.state], True), Level(Setting({"beam": 6}), "", solved.answer)
+    for elements in (12, 24):
+        at, known = solve_neighbour(at, known, True)
+        assert at.setting.counts == {"beam": elements}
+        assert len(known.state.report["frequencies"]) < 12
+        assert not known.whole

@@ -178,7 +178,8 @@ class Direct:
         assert pursuit.last is not None
         assert pursuit.case is not None
         self.verdict = self.finer = None
-        self.middle = level, Neighbour(pursuit.case, pursuit.last[1].model, [pursuit.last[1].state])
+        whole = not pursuit.case.case.solver.takes_guess
+        self.middle = level, Neighbour(pursuit.case, pursuit.last[1].model, [pursuit.last[1].state], whole)
         fine = self._neighbour(True)
         verdict = verdict_of_two(level, fine)
         if verdict is not None and verdict.error > self.wanted:

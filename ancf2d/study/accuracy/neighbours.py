@@ -39,13 +39,13 @@ DOUBTFUL, UNCONFIRMED = 2.0, 3.0
 class Neighbour:
     """A neighbour of a solved mesh: its case, model and states; with load steps only the last one.
 
-    ``whole``: it has all the states and modes of the case.
+    ``whole``: it has all the states and modes of the case that is solved to an accuracy.
     """
 
     loaded: LoadedCase
     model: Model
     states: list[Any]
-    whole: bool = False
+    whole: bool
 
     @property
     def state(self) -> Any:
@@ -105,7 +105,7 @@ def solve_neighbour(level: Level, known: Neighbour, finer: bool) -> tuple[Level,
     other.iterations = sum(int(state.history.get("iterations", 1)) for state in states)
     smallest = level.answer.smallest
     other.answer = GoalValue(value, error_scale(value, smallest), None, smallest, period=level.answer.period)
-    return other, Neighbour(case, model, states, few.solver == loaded.case.solver and not few.solver.takes_guess)
+    return other, Neighbour(case, model, states, known.whole and few.solver == loaded.case.solver)
 
 
 def _with_few_modes(case: Case, state: Any) -> Case:
