@@ -90,6 +90,15 @@ class Scalar(Node):
             return "flag"
         return "null" if value is None else "number"
 
+    @property
+    def point(self) -> tuple[str, float] | None:
+        """The body and s [-] of a point BODY@S; None of other values."""
+        if self.shape != "text":
+            return None
+        body, _, place = self.text.partition("@")
+        s = resolve(place)
+        return (body, float(s)) if isinstance(s, int | float) and not isinstance(s, bool) else None
+
     def shown(self) -> str:
         """Return the value as in the file, a text with the words 'the text'."""
         if self.value is None:

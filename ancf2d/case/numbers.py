@@ -125,11 +125,7 @@ def _number_in(path: str, node: Node, parent: Node | None) -> CaseNumber | None:
         mates = parent.items if isinstance(parent, ListNode) else []
         sizes = [abs(float(m.value)) for m in mates if isinstance(m, Scalar) and m.shape == "number"]
         return CaseNumber(path, float(node.value), max(sizes, default=0.0))
-    body, at, place = str(node.text).partition("@")
-    s = resolve(place) if at else None
-    if node.shape == "text" and isinstance(s, int | float) and not isinstance(s, bool):
-        return CaseNumber(path, float(s), 1.0, body)
-    return None
+    return CaseNumber(path, node.point[1], 1.0, node.point[0]) if node.point else None
 
 
 def _below(node: Node, path: str, parent: Node | None) -> Iterator[CaseNumber]:

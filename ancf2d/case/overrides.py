@@ -64,11 +64,9 @@ def _apply(root: MapNode, text: str) -> MapNode:
 
 def _along_body(old: Node | None, new: Node) -> Node:
     """Return the point BODY@S of the old body for a number S in place of such a point, else the new node."""
-    if not (isinstance(old, Scalar) and isinstance(new, Scalar) and old.shape == "text" and new.shape == "number"):
-        return new
-    body, at, place = old.text.partition("@")
-    moves = at and Scalar(old.mark, place, True).shape == "number"
-    return Scalar(new.mark, f"{body}@{new.text}", True) if moves else new
+    if isinstance(old, Scalar) and isinstance(new, Scalar) and old.point and new.shape == "number":
+        return Scalar(new.mark, f"{old.point[0]}@{new.text}", True)
+    return new
 
 
 def _parts(path: str, origin: Origin) -> list[tuple[str, Mark]]:
