@@ -132,9 +132,7 @@ def conserving_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     signals_at(p, t + h, m.amps[1])
     signals_at(p, t + 0.5 * h, w.amps)
     to_full(p, s.z, m.amps[0], 0, m.d0)
-    last = 0.0
-    # contraction: of the last two increments, and of the last two that round-off leaves a meaning
-    rate = known = s.numbers[CONTRACTION]
+    last, rate = 0.0, s.numbers[CONTRACTION]
     size = max(s.numbers[SIZE], 1e-3 * p.extent)
     for i in range(n):
         # undamped stiff motions alternate from step to step, so the last acceleration does not predict the next one
@@ -143,7 +141,8 @@ def conserving_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
         end.z[i] = s.z[i] + m.dz[i]
     iteration = 0
     while True:
-        anew = iteration == 0 or m.full or known > SLOW
+        # the ratio of increments that are round-off says nothing about the tangent
+        anew = iteration == 0 or m.full or (rate > SLOW and (iteration == 1 or last * SLOW > ROUND_OFF * size))
         _balance(m, p, w, s, h, anew)
         if anew and not factor(p, w, w.A):
             return SINGULAR, iteration + 1, 0.0, rate
@@ -156,8 +155,6 @@ def conserving_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
             return NOT_FINITE, iteration + 1, 0.0, rate
         if iteration > 0:
             rate = step / last
-            if last * SLOW > ROUND_OFF * size:
-                known = rate
             # a residual does work in every step, so iterate until increments stop shrinking
             if rate > 0.9:
                 # size of the terms whose differences are accelerations
@@ -185,7 +182,7 @@ def conserving_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     error = _error(m, p, w, s, h)
     for i in range(n):
         end.a[i] = (end.v[i] - s.v[i]) / h
-    return DONE, iteration, error, max(known, 1e-3)
+    return DONE, iteration, error, max(rate, 1e-3)
 
 
 @inner
