@@ -3,12 +3,33 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import helpers as h
 import pytest
 
 import ancf2d
+from ancf2d.study.accuracy.steps import error_of_steps
+
+
+@pytest.mark.parametrize("q", [0.5, 0.6, 2.0 / 3.0])
+def test_changes_of_a_geometric_series_sum_to_its_rest(q: float) -> None:
+    values = [1.0 - q**k for k in range(5)]
+    moved = [b - a for a, b in pairwise(values)]
+    for n in range(2, 5):
+        assert error_of_steps(moved[:n]) == pytest.approx(1.0 - values[n])
+
+
+def test_errors_of_steps_are_of_first_order_at_best_and_do_not_grow_for_ever() -> None:
+    assert error_of_steps([0.3]) == pytest.approx(0.3)
+    assert error_of_steps([1.0, 0.3]) == pytest.approx(0.5)
+    assert error_of_steps([0.1, 0.1]) == error_of_steps([0.05, 0.1]) == pytest.approx(0.2)
+
+
+def test_a_change_that_vanishes_by_accident_is_not_trusted() -> None:
+    assert error_of_steps([0.4, 0.2, 0.0]) == pytest.approx(0.1)
+    assert error_of_steps([0.0, 0.0, 0.0]) == 0.0
 
 
 def test_accuracy_includes_steps_over_time() -> None:

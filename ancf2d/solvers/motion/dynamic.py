@@ -67,9 +67,9 @@ class Balance:
         self.floor = self._floor(self.dead)
         # whether laws store energy that their stress does not show
         self.stores_energy = any(pool.plan.formulation.law.extra_energy is not None for pool in model.pools)
-        # [0] total at the start, [1] its largest change, [2] largest kinetic plus strain energy, [3] energy of springs
-        # and moving masses at the start, [4] largest gain, [5] energy kept by materials and [6] their overcounted loss
-        # at the start, [7] the loss up to the last state
+        # [0] total at the start, [1] its largest change, [2] largest kinetic plus strain energy with the loss since the
+        # state before, [3] energy of springs and moving masses at the start, [4] largest gain, [5] energy kept by
+        # materials and [6] their overcounted loss at the start, [7] the loss up to the last state
         self.numbers = np.array([np.nan, 0.0, 0.0, np.nan, 0.0, 0.0, np.nan, 0.0])
 
     def external(self, t: float) -> Array:
@@ -124,12 +124,15 @@ class Balance:
 
     @property
     def drift(self) -> float:
-        """Return the largest change of total energy less work, over the largest kinetic plus strain energy."""
+        """Return the largest change of total energy less work, over the largest energy.
+
+        The largest energy is kinetic, strain and what the last impacts took, together.
+        """
         return float(self.numbers[1] / self.numbers[2]) if self.numbers[2] > 0.0 else 0.0
 
     @property
     def gain(self) -> float:
-        """Return the largest growth of total energy less work, over the largest kinetic plus strain energy."""
+        """Return the largest growth of total energy less work, over the same energy as ``drift``."""
         return float(self.numbers[4] / self.numbers[2]) if self.numbers[2] > 0.0 else 0.0
 
 
