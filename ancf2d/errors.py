@@ -22,6 +22,12 @@ def many(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
+def percent(share: float) -> str:
+    """Return the size of a share in percent with two digits, or all of those before the point: 0.02 %, 9 %, 114 %."""
+    size = abs(100.0 * share)
+    return f"{size:.2g} %" if size < 10.0 else f"{size:.0f} %"
+
+
 class ItemName(str):
     """The name of an item of a mapping by names, as part of a path."""
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..case import Units
 from ..case.units import unit_label, with_unit
-from ..errors import many
+from ..errors import many, percent
 from ..quantities import DISPLACEMENTS, FORCES, KIND_OF
 from .failures import FAILED, expected_met
 from .session import Session
@@ -122,7 +122,8 @@ def _linear_model(found: dict[str, Any], labels: Labels) -> list[str]:
 def _limit_points(found: list[dict[str, Any]], labels: Labels) -> list[str]:
     named = [(p, q) for p in found[0]["probes"] for q in DISPLACEMENTS]
     rows = [["limit point", "load factor", *(with_unit(f"{p} {q}", labels) for p, q in named)]]
-    rows += [[str(k), number(f["factor"], 8), *(number(f["probes"][p][q]) for p, q in named)]
+    floor = ROUND_OFF * max((abs(f["probes"][p][q]) for f in found for p, q in named), default=0.0)
+    rows += [[str(k), number(f["factor"], 8), *(rounded(f["probes"][p][q], floor) for p, q in named)]
              for k, f in enumerate(found, start=1)]
     return table(rows)
 
@@ -216,7 +217,7 @@ def _verdict(check: dict[str, Any]) -> str:
     size = abs(check["expected"])
     if size == 0:
         return f"differs by {abs(check['difference']):.2g}, allowed {check['allowed']:.2g}"
-    return f"differs by {100 * abs(check['difference']) / size:.2g} %, allowed {100 * check['allowed'] / size:.2g} %"
+    return f"differs by {percent(check['difference'] / size)}, allowed {percent(check['allowed'] / size)}"
 
 
 def built_report(model: Any) -> str:

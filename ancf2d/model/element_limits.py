@@ -12,7 +12,7 @@ from ..elements.formulations import FORMULATIONS, Formulation
 from ..elements.formulations.base import Rule, Sampler, rule_points, strains_at
 from ..elements.section import NO_CONSTANTS, Section
 from ..elements.shape import Array, ShapeFunctions, shape_functions
-from ..errors import ComputationError, many
+from ..errors import ComputationError, many, percent
 from .body_groups import Pool
 from .classes import ElementClass
 from .mesh import STATIONS, BodyMesh, Index, straight
@@ -183,14 +183,14 @@ def locking_warning(mesh: BodyMesh) -> str | None:
     """Return a warning for a body that Poisson's ratio or curvature makes too stiff or inaccurate, or None."""
     excess, across, plan = thickness_excess(mesh), error_across(mesh), mesh.plan
     if across > WARN_ABOVE_ACROSS * (1.0 + (plan.length / plan.section.height) ** 2):
-        return (f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name} is {100 * across:.3g} "
-                f"% in error under transverse load on a body as short as this, at nu = {plan.section.nu:g}. Use "
+        return (f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name} is {percent(across)} "
+                f"in error under transverse load on a body as short as this, at nu = {plan.section.nu:g}. Use "
                 "formulation continuum")
     more, curved = arc_excess(mesh)
     who = f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name}"
     if curved is not None and more >= max(WARN_ABOVE, excess):
         l = curved.shape.l
-        return (f"{who} is too stiff in bending by {100 * more:.3g} %, because one element rotates by "
+        return (f"{who} is too stiff in bending by {percent(more)}, because one element rotates by "
                 f"{abs(curved.turn):.2g} rad, {l / plan.section.height:.3g} heights long. Use more elements, or "
                 "reissner3")
     if excess < WARN_ABOVE:
@@ -198,7 +198,7 @@ def locking_warning(mesh: BodyMesh) -> str | None:
     better = [name for name in ("enhanced", "structural")
               if name != plan.formulation.name and FORMULATIONS[name].refuse(plan.element) is None]
     advice = f"formulation {' or '.join(better)}" if better else "patel in formulation continuum"
-    return (f"{who} cannot contract across the section in bending and is too stiff by {100 * excess:.3g} % at nu = "
+    return (f"{who} cannot contract across the section in bending and is too stiff by {percent(excess)} at nu = "
             f"{plan.section.nu:g}. Use {advice}")
 
 
@@ -213,7 +213,7 @@ def hinge_warning(mesh: BodyMesh) -> str | None:
         return None
     # share of the distance between two hinges, one at each end
     lost = 1.0 if one else 2 / 3
-    much = f"by {100 * lost / (plan.count - lost):.2g} %" if plan.count > 1 else "by far"
+    much = f"by {percent(lost / (plan.count - lost))}" if plan.count > 1 else "by far"
     place = "half" if one else "a third of"
     return (f"bodies.{plan.name}: plastic hinges of {plan.element.name} are {place} an element away from the peak of "
             f"the moment: collapse loads are too large, {much} if each end of the body has one. Use reissner3 or "

@@ -17,6 +17,7 @@ import numpy as np
 
 from ..elements.fibres import internal
 from ..elements.shape import Array, gauss
+from ..errors import percent
 from ..model.curve import peak_nodes
 from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
@@ -99,7 +100,7 @@ class PlasticZones:
         count = math.ceil(plan.count * math.sqrt(2.0 * off / limit))
         what = "the load has" if self.on_path else "rotations and displacements have"
         return [f"the mesh is too coarse where bodies.{plan.name} yields, most from S = {start:.3g} to {end:.3g}: "
-                f"{what} an error of about {100 * off:.2g} %. Use about {count} elements, or a grading that makes them "
+                f"{what} an error of about {percent(off)}. Use about {count} elements, or a grading that makes them "
                 "shorter there, or --accuracy with a goal; ancf2d convergence shows the error"]
 
 

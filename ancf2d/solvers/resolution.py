@@ -19,6 +19,7 @@ import numpy as np
 
 from ..case import Eigen
 from ..elements.shape import Array, gauss
+from ..errors import percent
 from ..interactions.forces import LoadSet
 from ..kernels.elements import natural_power, natural_slope, viscous_force
 from ..model.element_limits import thickness_excess
@@ -293,7 +294,7 @@ class Resolution:
         off = _share(sum(lost.values()), stored)
         if off <= WARN_ABOVE:
             return []
-        return [f"the mesh is too coarse: displacements have an error of about {_percent(off)} %{self._where(lost)}. "
+        return [f"the mesh is too coarse: displacements have an error of about {percent(off)}{self._where(lost)}. "
                 f"{ADVICE}"]
 
     def _of_modes(self, state: State) -> list[str]:
@@ -337,7 +338,7 @@ class Resolution:
         """Return the warning about inaccurate modes or load factors, with the body that contributes most."""
         if not off:
             return []
-        worst = ", ".join(f"{name} by about {_percent(error)} %" for name, error in list(off.items())[:SHOWN])
+        worst = ", ".join(f"{name} by about {percent(error)}" for name, error in list(off.items())[:SHOWN])
         more = f", and {len(off) - SHOWN} more" if len(off) > SHOWN else ""
         return [f"the mesh is too coarse for some of the {what} {worst}{more}{self._where(by_body)}. {ADVICE}"]
 
@@ -383,10 +384,6 @@ class _Shapes:
     def _followed(self, values: list[Array], factor: float) -> Array:
         """Return values at a load factor, to first order, from those at the states."""
         return values[0] if len(values) == 1 else values[0] + factor / (2.0 * self.h) * (values[1] - values[2])
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f}" if share >= 0.1 else f"{100 * share:.2g}"
 
 
 def _share(gap: float, stored: float) -> float:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from pursued import CANTILEVER, TWO, case, limit
 
+from ancf2d.case import load_case
+from ancf2d.model.build import build_model
 from ancf2d.study.accuracy.control import solve_to_accuracy
-from ancf2d.study.accuracy.models import LEFT_OUT, effects_of_strains
+from ancf2d.study.accuracy.models import LEFT_OUT, Warped, effects_of_strains
 from ancf2d.study.accuracy.setting import Setting, with_setting
 from ancf2d.study.goal import solve_for_goal
 from ancf2d.study.variants import Variant
@@ -48,6 +53,49 @@ def test_an_open_type_in_statics_costs_one_solution_if_virtual_work_excludes_sim
     found = solve_to_accuracy(case(CANTILEVER, "auto", "accuracy=1e-4")).accuracy
     assert found["types"]["beam"]["element"] == "reissner3"
     assert found["solves"] == 3
+
+
+CASES = Path(__file__).parents[2] / "cases" / "dynamic"
+
+
+def four_bar(*sets: str):
+    """Return the linkage with open types, for a tenth of a second."""
+    return load_case(CASES / "four_bar.yaml", ["solver.t_end=0.1", "output.interval=0.0025", *sets,
+                                *(f"bodies.{name}.element=auto" for name in ("crank", "coupler", "rocker"))])
+
+
+@pytest.mark.parametrize("quantity", ["uy", "theta"])
+def test_types_of_a_motion_are_the_same_from_its_deformation_as_by_solving_each(quantity, monkeypatch):
+    loaded = four_bar("accuracy=1e-3", f"goal.quantity={quantity}")
+    foreseen = solve_to_accuracy(loaded).accuracy
+    monkeypatch.setattr(Warped, "effects", lambda self, goal: None)
+    solved = solve_to_accuracy(loaded).accuracy
+    assert {name: one["element"] for name, one in foreseen["types"].items()} == {
+        name: one["element"] for name, one in solved["types"].items()} == {
+        "crank": "rigid", "coupler": "cable", "rocker": "rigid"}
+    assert foreseen["solves"] <= solved["solves"] - 3
+    assert foreseen["achieved"]
+
+
+def test_an_open_type_in_motion_costs_one_solution_if_its_deformation_excludes_simpler_ones():
+    case = CASES / "pendulum2_reissner3.yaml"
+    found = solve_to_accuracy(load_case(case, ["bodies.rod.element=auto", "accuracy=1e-2"])).accuracy
+    assert found["types"]["rod"]["element"] == "reissner3"
+    assert found["solves"] == 2
+
+
+def test_a_body_that_moves_rigidly_keeps_its_shape_and_one_that_bends_does_not():
+    """A deflection c sin(pi x/L) between nodes leaves a rigid body by its distance from the mean 2 c/pi."""
+    model = build_model(with_setting(case(CANTILEVER, "{type: reissner3, count: 1}"), Setting({"beam": 64})))
+    x, y = model.e0[0::3], model.e0[1::3]
+    turned, bent = (np.zeros(model.n_q) for _ in range(2))
+    turned[0::3], turned[1::3] = np.cos(1.0) * x - np.sin(1.0) * y - x + 3.0, np.sin(1.0) * x + np.cos(1.0) * y - y
+    bent[1::3] = 1e-6 * np.sin(np.pi * (x - x.min()) / np.ptp(x))
+    found = [Warped(["beam"]) for _ in range(2)]
+    for warped, d in zip(found, (turned, bent), strict=True):
+        list(warped.watch(model, [SimpleNamespace(d=d)]))
+    assert found[0].most["beam"] < 1e-12
+    assert found[1].most["beam"] == pytest.approx(1e-6 * 2.0 / np.pi, rel=0.02)
 
 
 @pytest.mark.parametrize("goal", ["{probe: tip, quantity: uy}", "{probe: tip, quantity: M}"])

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...case import Dynamic
 from ...elements.shape import Array
-from ...errors import ComputationError
+from ...errors import ComputationError, percent
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion.advance import CHECK, INSIDE
 from ...kernels.motion.state import COUNT, REJECTED
@@ -252,7 +252,7 @@ class Run:
         if abs(lost) > INITIAL_LOSS_ALLOWED * given:
             how = "lost at t = 0, as in a plastic impact" if lost > 0.0 else "added at t = 0 by supports that move"
             first.warnings.append(f"the initial velocities violate supports, joints or contacts: {abs(lost):.6g} of "
-                                  f"{given:.6g} of kinetic energy ({100 * abs(lost) / given:.3g} %) is {how}")
+                                  f"{given:.6g} of kinetic energy ({percent(lost / given)}) is {how}")
 
     def _look_ahead(self, d: Array, v: Array, turned: Array) -> float:
         """Return a displacement [m] that the motion reaches early, at most a share of the scene's size."""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...elements.shape import Array
-from ...errors import ComputationError
+from ...errors import ComputationError, percent
 from ...kernels.motion.advance import CHECK
 from ...kernels.motion.state import COUNT, SWITCHED
 from ...kernels.motion.switching import FIXED_STEP_GAP
@@ -305,7 +305,7 @@ class Estimate:
             if order is not None and order < 0.5 * self.order:
                 why = f"differences from runs with longer steps show order {order:.1f} instead of {self.order}"
             return [f"the steps are too large for this motion: {why}; the error may be as large as "
-                    f"{100 * estimate:.2g} %"] if why else []
+                    f"{percent(estimate)}"] if why else []
         return [] if self.factor == DOUBLE or not estimate else missed_tolerance(self.stepper, estimate, order or 0.0)
 
     # ------------------------------------------------------------------ checkpoints

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...elements.shape import Array
+from ...errors import percent
 from ...kernels.motion.state import COUNT
 from ...model.model import Model
 from ...model.timing import rates_of
@@ -80,7 +81,7 @@ def gain_warning(model: Model, gain: float) -> list[str]:
     layers = dict.fromkeys(pair.name for pair in model.contacts if not pair.hard)
     if gain <= GAIN_ALLOWED or not layers:
         return []
-    return [f"the motion has gained {100 * gain:.2g} % of its energy by numerical errors: the steps are too long for "
+    return [f"the motion has gained {percent(gain)} of its energy by numerical errors: the steps are too long for "
             f"the contact layer ({', '.join(layers)}). Use shorter steps, a (smaller) tolerance, a softer law, or no "
             "law. If this does not help, points have passed the middle of the body that they touch: use a stiffer "
             "law, or none"]
@@ -109,16 +110,16 @@ def drift_warning(drift: float, estimate: float | None, struck: bool) -> list[st
         return []
     if struck:
         return [f"impacts start vibrations that the method damps where the steps do not resolve them: the energy "
-                f"balance has an error of {100 * drift:.2g} %, and the estimated error of displacements is "
-                f"{100 * estimate:.2g} %. Shorter steps, or a smaller tolerance, keep more of the vibrations; a "
+                f"balance has an error of {percent(drift)}, and the estimated error of displacements is "
+                f"{percent(estimate)}. Shorter steps, or a smaller tolerance, keep more of the vibrations; a "
                 "contact law softens impacts"]
-    return [f"the steps are too long for part of the motion: the energy balance has an error of {100 * drift:.2g} %, "
-            f"but the estimated error is only {100 * estimate:.2g} %. Use shorter steps to find out which is right"]
+    return [f"the steps are too long for part of the motion: the energy balance has an error of {percent(drift)}, "
+            f"but the estimated error is only {percent(estimate)}. Use shorter steps to find out which is right"]
 
 
 def fibres_warning(model: Model, drift: float) -> list[str]:
     """Return a warning if the energy balance is far off in a model with fibres that yield."""
     if drift <= FIBRE_DRIFT_ALLOWED or not model.hardens:
         return []
-    return [f"the energy balance is off by {100 * drift:.2g} %: fibres remember the peaks of vibrations that steps do "
+    return [f"the energy balance is off by {percent(drift)}: fibres remember the peaks of vibrations that steps do "
             "not resolve. Use shorter steps, or radau5, which damps them"]

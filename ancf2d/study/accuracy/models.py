@@ -3,22 +3,29 @@
 In statics the reference model alone shows what simpler models would change. By virtual work, strains of a body that
 a simpler model leaves out displace the goal by int N N*/EA + Q Q*/kGA + M M*/EI ds, with the section forces N, Q, M of
 the state and N*, Q*, M* of the adjoint state, which the gradient of the goal causes as a load. Types with rigid bodies
-are solved once to confirm it. In other problems each type is solved.
+are solved once to confirm it. In motions, the types that follow from how far each body bends or stretches are solved
+once to confirm them. In other problems each type is solved.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...case import LoadedCase, Rectangle
+from ...case import Goal, LoadedCase, Rectangle
 from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
-from ...quantities import KINEMATIC
-from ..goal import Solved
+from ...model.mesh import BodyMesh
+from ...model.model import Model
+from ...quantities import KINEMATIC, MOTIONS
+from ...solvers.registry import solve
+from ...solvers.state import State
+from ..goal import Solved, goal_kind
+from ..run import Solve
 from ..variants import Variant
 from .estimates import relative_distance
 from .mesh import Ladder
@@ -60,14 +67,13 @@ def choose_types(pursuit: Pursuit, bodies: list[str], allowed: float, tolerance:
     """Return the simplest types that change the goal by no more than ``allowed`` (relative) in all."""
     ladders = {name: candidates(pursuit, name) for name in bodies}
     best, meshes = {name: ladder[-1] for name, ladder in ladders.items()}, _Meshes(pursuit, tolerance)
-    level = meshes.solve(best, SIZE, "reference model for the errors")
+    warped = Warped(bodies) if pursuit.loaded.case.solver.moves else None
+    watched = None if warped is None else lambda model: warped.watch(model, solve(model))
+    level = meshes.solve(best, SIZE, "reference model for the errors", watched)
     reference = Choice(best, {name: f"errors are relative to {kind.element}" for name, kind in best.items()}, 0.0)
     if level.answer is None:
         return reference
-    foreseen = _foreseen(pursuit, ladders, allowed, reference)
-    if foreseen is not None and meshes.confirms(foreseen, best, allowed):
-        return foreseen
-    return _one_by_one(meshes, ladders, allowed, reference)
+    return _foreseen(meshes, ladders, allowed, reference, warped) or _one_by_one(meshes, ladders, allowed, reference)
 
 
 def _simplified(ladders: dict[str, list[Variant]], allowed: float, reference: Choice,
@@ -88,10 +94,10 @@ def _simplified(ladders: dict[str, list[Variant]], allowed: float, reference: Ch
             if change - error <= share:
                 types, error = {**types, name: kind}, max(error, change)
                 left = allowed - error
-                why[name] = (f"with {kind.element} the goal changes by {change:.1e}; {share:.1e} is allowed for "
+                why[name] = (f"with {kind.element} the goal changes by about {change:.1e}; {share:.1e} is allowed for "
                              "the model")
                 break
-            why[name] = (f"with {kind.element} the goal would change by {change:.1e}, more than the {share:.1e} "
+            why[name] = (f"with {kind.element} the goal would change by about {change:.1e}, more than the {share:.1e} "
                          "that is allowed for the model")
     return Choice(types, why, error)
 
@@ -102,14 +108,20 @@ def _one_by_one(meshes: _Meshes, ladders: dict[str, list[Variant]], allowed: flo
         {**types, name: kind}, reference.types, enough, f"{name} as {kind.element}"))
 
 
-def _foreseen(pursuit: Pursuit, ladders: dict[str, list[Variant]], allowed: float, reference: Choice) -> Choice | None:
-    """Return the types chosen by virtual work in the reference model solved last, or None if that does not apply."""
+def _foreseen(meshes: _Meshes, ladders: dict[str, list[Variant]], allowed: float, reference: Choice,
+              warped: Warped | None) -> Choice | None:
+    """Return the types chosen from the reference model solved last, or None if that does not apply or fails.
+
+    In motions from how far bodies have ``warped``, else by virtual work.
+    """
     if any(kind not in LEFT_OUT for ladder in ladders.values() for kind in ladder[:-1]):
         return None
+    pursuit = meshes.pursuit
     assert pursuit.case is not None
     assert pursuit.last is not None
     level, solved = pursuit.last
-    effects = effects_of_strains(pursuit.case, solved, list(ladders))
+    effects = effects_of_strains(pursuit.case, solved, list(ladders)) if warped is None else warped.effects(
+        pursuit.loaded.case.goal)
     if effects is None or level.answer is None:
         return None
     size = level.answer.size
@@ -119,7 +131,52 @@ def _foreseen(pursuit: Pursuit, ladders: dict[str, list[Variant]], allowed: floa
         return sum(abs(float(effects[body][LEFT_OUT[one],].sum())) / size
                    for body, one in {**types, name: kind}.items() if one in LEFT_OUT)
 
-    return _simplified(ladders, allowed, reference, changed)
+    choice = _simplified(ladders, allowed, reference, changed)
+    change = meshes.change_of(choice, reference.types, allowed)
+    return None if change is None or change > allowed else replace(choice, error=change)
+
+
+@dataclass
+class Warped:
+    """How far bodies leave their shape in a motion: the largest distance [m] of nodes from a rigidly moved body."""
+
+    bodies: list[str]
+    most: dict[str, float] = field(default_factory=dict)
+    meshes: dict[str, BodyMesh] = field(default_factory=dict)
+
+    def watch(self, model: Model, states: Iterable[State]) -> Iterator[State]:
+        """Yield the states of a motion after a look at each."""
+        shapes = {name: self._nodes(model, name, np.zeros_like(model.e0)) for name in self.bodies}
+        self.most, self.meshes = dict.fromkeys(self.bodies, 0.0), model.meshes
+        for state in states:
+            for name, shape in shapes.items():
+                r = self._nodes(model, name, state.d)
+                turned = np.vdot(shape, r)
+                off = r - shape * (turned / abs(turned) if turned else 1.0)
+                self.most[name] = max(self.most[name], float(np.abs(off).max()))
+            yield state
+
+    def _nodes(self, model: Model, name: str, d: Array) -> NDArray[np.complex128]:
+        """Return positions of nodes, x + i y, relative to their mean."""
+        mesh = model.meshes[name]
+        x, y = (np.flatnonzero(mesh.kinds == k) + mesh.first_dof for k in (0, 1))
+        r = model.e0[x] + d[x] + 1j * (model.e0[y] + d[y])
+        return r - r.mean()
+
+    def effects(self, goal: Goal | None) -> dict[str, Array] | None:
+        """Return what stretch, shear and bending of each body (3,) may contribute to a displacement or rotation.
+
+        None for other goals. The part of shear is that of a uniform load on a beam.
+        """
+        if goal is None or goal.quantity not in MOTIONS:
+            return None
+        out = {}
+        for name, most in self.most.items():
+            plan = self.meshes[name].plan
+            size = most / plan.length if goal_kind(goal) == "rotation" else most
+            shear = 12.0 * plan.section.EI / (plan.section.kGA * plan.length**2)
+            out[name] = size * np.array([0.0, min(shear, 1.0), 1.0])
+        return out
 
 
 def effects_of_strains(loaded: LoadedCase, solved: Solved, bodies: list[str]) -> dict[str, Array] | None:
@@ -169,22 +226,21 @@ class _Meshes:
     pursuit: Pursuit
     tolerance: float | None
 
-    def solve(self, types: dict[str, Variant], size: float, why: str) -> Level:
+    def solve(self, types: dict[str, Variant], size: float, why: str, how: Solve | None = None) -> Level:
         """Return the level solved with some types on the mesh of a size."""
-        return self.pursuit.solve(Ladder(self.pursuit, types, self.tolerance).setting(size), why)
+        return self.pursuit.solve(Ladder(self.pursuit, types, self.tolerance).setting(size), why, how=how)
 
-    def confirms(self, choice: Choice, best: dict[str, Variant], allowed: float) -> bool:
-        """Return whether types chosen by virtual work are possible, and rigid ones change the goal as little as that.
+    def change_of(self, choice: Choice, best: dict[str, Variant], allowed: float) -> float | None:
+        """Return how far the goal changes with types that were foreseen; None if they are not possible.
 
-        For rigid bodies that change becomes the error. Without shear strains, small changes are those of virtual work.
+        In statics only rigid bodies are solved: without shear strains, small changes are those of virtual work.
         """
         if choice.types == best:
-            return True
-        if RIGID not in choice.types.values():
-            return self.pursuit.why_refused(Ladder(self.pursuit, choice.types, self.tolerance).setting(SIZE)) is None
-        change = self.goal_change(choice.types, best, allowed, "the types that follow")
-        choice.error = choice.error if change is None else change
-        return change is not None and change <= allowed
+            return 0.0
+        if RIGID in choice.types.values() or self.tolerance is not None:
+            return self.goal_change(choice.types, best, allowed, "the types that follow")
+        refused = self.pursuit.why_refused(Ladder(self.pursuit, choice.types, self.tolerance).setting(SIZE))
+        return choice.error if refused is None else None
 
     def goal_change(self, types: dict[str, Variant], best: dict[str, Variant], enough: float, why: str) -> float | None:
         """Return how far the goal changes with simpler types, relative; None if the types are not possible.

@@ -63,8 +63,9 @@ class Pursuit:
     by_adjoint: bool = False
     judged: tuple[Estimate, float] = Estimate(None, None, None, False, ""), math.inf
 
-    def solve(self, setting: Setting, why: str, estimate_of: EstimateOf | None = None) -> Level:
-        """Return the level of a setting, solved unless it is known.
+    def solve(self, setting: Setting, why: str, estimate_of: EstimateOf | None = None, how: Solve | None = None
+              ) -> Level:
+        """Return the level of a setting, solved unless it is known, ``how`` if that is given.
 
         If it may be the result, ``estimate_of`` gives its error: then it is written, unless it starts from a guess.
         Raises CaseError for an invalid case.
@@ -75,7 +76,7 @@ class Pursuit:
             if self.starts_from_guess:
                 self._run(level, None, lambda model: solve(model, self._guess(model, level)))
             else:
-                self._run(level, estimate_of)
+                self._run(level, estimate_of, how)
         return level
 
     def solve_aside(self, setting: Setting, why: str) -> Level:

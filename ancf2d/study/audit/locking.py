@@ -10,7 +10,7 @@ import numpy as np
 from ...elements.formulations.base import product_points
 from ...elements.section import timoshenko
 from ...elements.shape import Array, gauss, lobatto
-from ...errors import ComputationError
+from ...errors import ComputationError, percent
 from ...model.model import Model
 from .fields import (
     FAR,
@@ -28,7 +28,7 @@ from .fields import (
     work_inside,
 )
 from .patches import bending_compliance, constitutive
-from .subject import FAIL, NOTE, NU, PASS, Finding, Subject, percent, subject
+from .subject import FAIL, NOTE, NU, PASS, Finding, Subject, subject
 
 # allowed relative difference of a shear factor from the rectangle's: in uniform shear, and in bending
 UNIFORM, BENT = 0.05, 0.06

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from ...elements.shape import Array
+from ...errors import percent
 from ...model.model import Model
 from ..order import Estimate, estimate
 from .fields import beam, rigidly_moved, stiffness, timoshenko_deflection, tip_deflection
 from .locking import REFERENCE
-from .subject import FAIL, NOTE, PASS, ROUND_OFF, Finding, Subject, percent, subject
+from .subject import FAIL, NOTE, PASS, ROUND_OFF, Finding, Subject, subject
 
 MESHES = (2, 4, 8, 16, 32)
 # relative distance of the limit from beam theory beyond which it is wrong

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...elements.shape import Array
-from ...errors import many
+from ...errors import many, percent
 from ...model.model import Model
 from .fields import (
     ZERO,
@@ -21,7 +21,7 @@ from .fields import (
     tip_deflection,
     uniform,
 )
-from .subject import FAIL, NOTE, NU, PASS, ROUND_OFF, Finding, Subject, judged, percent
+from .subject import FAIL, NOTE, NU, PASS, ROUND_OFF, Finding, Subject, judged
 
 ANGLES = (0.3, 1.6, -2.9)
 # ends of three pieces of unequal length, as shares

@@ -210,9 +210,3 @@ def judged(value: float, allowed: float, good: str, bad: str) -> Finding:
     if math.isfinite(value) and abs(value) <= allowed:
         return Finding(value, PASS, good)
     return Finding(value, FAIL, bad)
-
-
-def percent(share: float) -> str:
-    """Return a share in percent with few digits: 9.0 %, 0.02 %."""
-    size = abs(100.0 * share)
-    return f"{size:.1f} %" if size >= 0.1 else f"{size:.2g} %"
