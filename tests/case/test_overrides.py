@@ -6,9 +6,12 @@ import pytest
 
 from ancf2d.case import CaseText, load_case, load_case_text
 from ancf2d.case.emit import walk
+from ancf2d.case.numbers import numbers_of
 from ancf2d.errors import CaseError
+from ancf2d.study.run import vocabulary
 
 CASE = Path(__file__).parent / "valid" / "simply_supported.yaml"
+CASES = Path(__file__).parents[2] / "cases"
 
 
 def load(vocabulary, *overrides):
@@ -51,6 +54,20 @@ def test_sets(override, read, vocabulary):
         assert read(loaded.case)
         assert loaded.overrides == (override,)
         assert loaded.text == CASE.read_text()
+
+
+@pytest.mark.parametrize("file", ["dynamic/pid_arm.yaml", "contact/shared_force.yaml", "static/bimetal.yaml",
+                                  "dynamic/four_bar.yaml", "static/tendon_arm.yaml"])
+def test_every_number_that_a_case_can_vary_is_set_by_its_path(file):
+    """These are the paths that derivatives and samples use: keys, names and indices of items, points of bodies."""
+    path = CASES / file
+    text = CaseText(path.read_text(encoding="utf-8"), str(path))
+    numbers = [number for number in numbers_of(text.load((), vocabulary())) if not number.path.endswith("count")]
+    assert len(numbers) > 10
+    for number in numbers:
+        wanted = number.value * (1.0 - 1e-6) or 1e-6
+        changed = text.load([f"{number.path}={wanted!r}"], vocabulary())
+        assert {n.path: n.value for n in numbers_of(changed)}[number.path] == pytest.approx(wanted, rel=1e-12)
 
 
 def test_later_ones_win_and_see_earlier_ones(vocabulary):
