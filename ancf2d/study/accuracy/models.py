@@ -38,8 +38,15 @@ CONTINUUM = (Variant("ancf", (3, 3)), Variant("ancf", (3, 2)), Variant("ancf", (
 LEFT_OUT = {CABLE: (1,), RIGID: (0, 1, 2)}
 # times the coarsest mesh: the mesh for comparing models, and the finest one if refinement brings them closer
 SIZE, FINEST = 4.0, 64.0
+# times the change that is allowed: types predicted to change the goal by more are not solved
+HOPELESS = 10.0
 # of the goal: if models are further apart, refinement of their meshes is not tried
 FAR = 0.1
+
+
+# function that gives the change of the goal with types but for one body, None if that is not possible, from these
+# types, the body, its type and the change that would be allowed in all
+Change = Callable[[dict[str, Variant], str, Variant, float], float | None]
 
 
 @dataclass
@@ -73,16 +80,26 @@ def choose_types(pursuit: Pursuit, bodies: list[str], allowed: float, tolerance:
     reference = Choice(best, {name: f"errors are relative to {kind.element}" for name, kind in best.items()}, 0.0)
     if level.answer is None:
         return reference
-    return _foreseen(meshes, ladders, allowed, reference, warped) or _one_by_one(meshes, ladders, allowed, reference)
+    predicted = _predictor(pursuit, ladders, warped)
+    if predicted is not None:
+        choice = _simplified(ladders, allowed, reference, predicted)
+        change = meshes.change_of(choice, best, allowed)
+        if change is not None and change <= allowed:
+            return replace(choice, error=change)
+
+    def changed(types: dict[str, Variant], name: str, kind: Variant, enough: float) -> float | None:
+        """Return the change found by a solution, or a predicted one that is far too large."""
+        alone = 0.0 if predicted is None else predicted({}, name, kind, enough) or 0.0
+        return alone if alone > HOPELESS * enough else meshes.goal_change(
+            {**types, name: kind}, best, enough, f"{name} as {kind.element}")
+
+    return _simplified(ladders, allowed, reference, changed)
 
 
-def _simplified(ladders: dict[str, list[Variant]], allowed: float, reference: Choice,
-                changed: Callable[[dict[str, Variant], str, Variant, float], float | None]) -> Choice:
+def _simplified(ladders: dict[str, list[Variant]], allowed: float, reference: Choice, changed: Change) -> Choice:
     """Return the types chosen for one body after the other, with the present types of the others.
 
     Each body is made as simple as its share of ``allowed`` permits; the rest of its share goes to the next body.
-    ``changed`` gives the change of the goal with the present types but for one body, None if that is not possible, from
-    these types, the body, its type and the change that would be allowed in all.
     """
     types, why, error, left = dict(reference.types), dict(reference.why), 0.0, allowed
     for i, (name, ladder) in enumerate(ladders.items()):
@@ -102,21 +119,13 @@ def _simplified(ladders: dict[str, list[Variant]], allowed: float, reference: Ch
     return Choice(types, why, error)
 
 
-def _one_by_one(meshes: _Meshes, ladders: dict[str, list[Variant]], allowed: float, reference: Choice) -> Choice:
-    """Return the types chosen by a solution with each of them."""
-    return _simplified(ladders, allowed, reference, lambda types, name, kind, enough: meshes.goal_change(
-        {**types, name: kind}, reference.types, enough, f"{name} as {kind.element}"))
+def _predictor(pursuit: Pursuit, ladders: dict[str, list[Variant]], warped: Warped | None) -> Change | None:
+    """Return what types change according to the reference model solved last, or None if nothing is known.
 
-
-def _foreseen(meshes: _Meshes, ladders: dict[str, list[Variant]], allowed: float, reference: Choice,
-              warped: Warped | None) -> Choice | None:
-    """Return the types chosen from the reference model solved last, or None if that does not apply or fails.
-
-    In motions from how far bodies have ``warped``, else by virtual work.
+    In motions it follows from how far bodies have ``warped``, else from virtual work. Effects of bodies add up.
     """
     if any(kind not in LEFT_OUT for ladder in ladders.values() for kind in ladder[:-1]):
         return None
-    pursuit = meshes.pursuit
     assert pursuit.case is not None
     assert pursuit.last is not None
     level, solved = pursuit.last
@@ -125,15 +134,9 @@ def _foreseen(meshes: _Meshes, ladders: dict[str, list[Variant]], allowed: float
     if effects is None or level.answer is None:
         return None
     size = level.answer.size
-
-    def changed(types: dict[str, Variant], name: str, kind: Variant, enough: float) -> float:
-        """Return the sum over all bodies of the changes of the goal."""
-        return sum(abs(float(effects[body][LEFT_OUT[one],].sum())) / size
-                   for body, one in {**types, name: kind}.items() if one in LEFT_OUT)
-
-    choice = _simplified(ladders, allowed, reference, changed)
-    change = meshes.change_of(choice, reference.types, allowed)
-    return None if change is None or change > allowed else replace(choice, error=change)
+    return lambda types, name, kind, enough: sum(
+        abs(float(effects[body][LEFT_OUT[one],].sum())) / size
+        for body, one in {**types, name: kind}.items() if one in LEFT_OUT)
 
 
 @dataclass
