@@ -8,7 +8,6 @@ from dataclasses import asdict
 import pytest
 from instruments.scenes import two_runs
 
-
 # 9 and 17 take more than ten seconds each
 TRIALS = [k for k in range(2, 22) if k not in (9, 17)]
 
