@@ -64,6 +64,33 @@ def four_bar(*sets: str):
                                 *(f"bodies.{name}.element=auto" for name in ("crank", "coupler", "rocker"))])
 
 
+@pytest.mark.parametrize("height", [0.3, 1.0])
+@pytest.mark.parametrize("force", [-1e5, -2e6])
+@pytest.mark.parametrize("quantity", ["ux", "uy", "theta"])
+def test_virtual_work_predicts_small_changes_at_large_loads(height, force, quantity):
+    """The arm is bent by up to a right angle, so only the compliance of the post needs to be small."""
+    loaded = case(TWO, "", f"loads.0.value=[0, {force}]", f"bodies.post.section.height={height}",
+                  f"goal.quantity={quantity}")
+    reference = with_setting(loaded, Setting({"post": 4, "arm": 8}))
+    solved = solve_for_goal(reference)
+    effect = effects_of_strains(reference, solved, ["post"])["post"].sum()
+    rigid = solve_for_goal(with_setting(loaded, Setting({"arm": 8}, {"post": RIGID})))
+    change = rigid.answer.value - solved.answer.value
+    assert abs(change) < 0.03 * solved.answer.size
+    assert -effect == pytest.approx(change, rel=0.05)
+
+
+def test_rigid_bodies_on_redundant_supports_are_solved_if_their_reactions_are_wanted():
+    """Elasticity distributes the moment of an arm over two clamps, however stiff the body between them is."""
+    sets = ("boundary_conditions.0.name=wall", "boundary_conditions+={name: end, type: clamp, at: post@1}",
+            "bodies.post.section.height=1", "accuracy=1e-2")
+    text = TWO.replace("element: {type: reissner3, count: 1}", "element: auto")
+    for goal, rigid in (("{reaction: end, quantity: m}", False), ("{probe: tip, quantity: uy}", True)):
+        found = solve_to_accuracy(case(text, "", *sets, f"goal={goal}")).accuracy
+        assert found["achieved"]
+        assert (found["types"]["post"]["element"] == "rigid") == rigid
+
+
 @pytest.mark.parametrize("quantity", ["uy", "theta"])
 def test_types_of_a_motion_are_the_same_from_its_deformation_as_by_solving_each(quantity, monkeypatch):
     loaded = four_bar("accuracy=1e-3", f"goal.quantity={quantity}")

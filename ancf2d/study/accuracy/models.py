@@ -2,9 +2,9 @@
 
 In statics the reference model alone shows what simpler models would change. By virtual work, strains of a body that
 a simpler model leaves out displace the goal by int N N*/EA + Q Q*/kGA + M M*/EI ds, with the section forces N, Q, M of
-the state and N*, Q*, M* of the adjoint state, which the gradient of the goal causes as a load. Types with rigid bodies
-are solved once to confirm it. In motions, the types that follow from how far each body bends or stretches are solved
-once to confirm them. In other problems each type is solved.
+the state and N*, Q*, M* of the adjoint state, which the gradient of the goal causes as a load. In motions, the types
+that follow from how far each body bends or stretches are solved once to confirm them. In other problems each type is
+solved.
 """
 
 from __future__ import annotations
@@ -236,11 +236,14 @@ class _Meshes:
     def change_of(self, choice: Choice, best: dict[str, Variant], allowed: float) -> float | None:
         """Return how far the goal changes with types that were foreseen; None if they are not possible.
 
-        In statics only rigid bodies are solved: without shear strains, small changes are those of virtual work.
+        In statics small changes are those of virtual work. Types are only solved if nothing that is left deforms, or
+        if supports of rigid bodies may be redundant, which leaves reactions indeterminate.
         """
         if choice.types == best:
             return 0.0
-        if RIGID in choice.types.values() or self.tolerance is not None:
+        goal, kinds = self.pursuit.loaded.case.goal, set(choice.types.values())
+        reacts = goal is not None and goal.reaction is not None
+        if self.tolerance is not None or kinds == {RIGID} or (reacts and RIGID in kinds):
             return self.goal_change(choice.types, best, allowed, "the types that follow")
         refused = self.pursuit.why_refused(Ladder(self.pursuit, choice.types, self.tolerance).setting(SIZE))
         return choice.error if refused is None else None
