@@ -14,9 +14,11 @@ COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
 # reserved names
 WORDS = ("pi", "if", "else", *FUNCTION_NAMES)
 IDENTIFIER = re.compile(r"[A-Za-z_]\w*", re.ASCII)
-# words of other languages, and what to write instead: comparisons are 1 or 0
-_INSTEAD = {"and": "for both conditions, multiply them: (t > 1)*(t < 2)",
-            "or": "for one of two conditions, add them: (t < 1) + (t > 2)"}
+# words and signs of other languages, and what to write instead: comparisons are 1 or 0
+_BOTH = "for both conditions, multiply them: (t > 1)*(t < 2)"
+_ONE = "for one of two conditions, add them: (t < 1) + (t > 2)"
+_INSTEAD = {"and": _BOTH, "&": _BOTH, "or": _ONE, "|": _ONE, "=": "equality is written ==",
+            ",": "functions have one argument; the smaller of two numbers is a if a < b else b"}
 _NAMES = "pi, " + ", ".join(FUNCTION_NAMES)
 _TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
                     r"|(?P<name>[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)|(?P<op><=|>=|==|!=|\*\*|[-+*/^()<>]))")
@@ -202,8 +204,8 @@ class _Parser:
             match = _TOKEN.match(text, at)
             if match is None:
                 column = at + len(text[at:]) - len(text[at:].lstrip())
-                hint = "; equality is written ==" if text[column] == "=" else ""
-                raise ExpressionError(f"'{text[column]}' is not allowed{hint}", column)
+                hint = _INSTEAD.get(text[column], "")
+                raise ExpressionError(f"'{text[column]}' is not allowed{hint and '; '}{hint}", column)
             kind = str(match.lastgroup)
             yield kind, match[kind], match.start(kind)
             at = match.end()
@@ -246,7 +248,7 @@ class _Parser:
             self.take()
             condition = self.comparison()
             if self.peek() != "else":
-                raise self.fail("'else' is missing after 'a if c'")
+                raise self.unexpected() if self.peek() in _INSTEAD else self.fail("'else' is missing after 'a if c'")
             self.take()
             value = Choice(condition, value, self.conditional())
         self.depth -= 1

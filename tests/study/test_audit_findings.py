@@ -58,7 +58,7 @@ def test_omar_locks_by_nu(named):
     found = audits.findings(subject(named("omar"), formulation="continuum"), "poisson_locking")["poisson_locking"]
     assert found.verdict == "fail"
     assert found.value == pytest.approx(0.25, rel=1e-6)
-    assert "9.0 % at 0.3" in found.meaning
+    assert "9 % at 0.3" in found.meaning
 
 
 def test_the_basis_of_omar_locks_where_its_formulation_does_not():
