@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-(NUMBER, TIME, NEGATE, ADD, SUBTRACT, MULTIPLY, DIVIDE, POWER, SIN, COS, EXP, SQRT, ABS,
+(NUMBER, TIME, NEGATE, ADD, SUBTRACT, MULTIPLY, DIVIDE, POWER, SIN, COS, EXP, SQRT, SQUARE, ABS,
  LESS, LESS_EQUAL, GREATER, GREATER_EQUAL, EQUAL, UNEQUAL, KEEP, UNLESS, JUMP, BRANCH,
- RAMP, TABLE, SMOOTH_TABLE, SINE, SCALE, QUANTITY, CLOCK) = range(30)
+ RAMP, TABLE, SMOOTH_TABLE, SINE, SCALE, QUANTITY, CLOCK) = range(31)
 
 
 class Programs(NamedTuple):
@@ -20,11 +20,12 @@ class Programs(NamedTuple):
 
     ``code`` (n,) has the operations, ``arg`` (n,) the target of a jump or the index in ``data`` where the operation's
     numbers begin. ``window`` (2,) has the first and last time of evaluation; other times are clamped to it, so that a
-    step up to a break does not see what follows. ``stack`` (3, depth), with quantities (1 + quantities, depth), is work
-    space. Jump targets count from the beginning of ``code``. JUMP always jumps; BRANCH pops the top and jumps if it is
+    step up to a break does not see what follows. Function k depends on the quantities used[users[k]] to
+    used[users[k + 1] - 1]. ``stack`` is work space: (3, depth), with quantities (1 + largest number in a function,
+    depth). Jump targets count from the beginning of ``code``. JUMP always jumps; BRANCH pops the top and jumps if it is
     0; UNLESS does so too, and when it jumps sets the new top to 0. KEEP inserts a copy of the top below the two
-    topmost, for a chain of comparisons. QUANTITY pushes a quantity; CLOCK sets the first derivative of the top to the
-    time.
+    topmost, for a chain of comparisons. QUANTITY pushes a quantity, whose numbers are its own and its row in the stack;
+    CLOCK sets the first derivative of the top to the time.
     """
 
     first: Any
@@ -32,6 +33,8 @@ class Programs(NamedTuple):
     arg: Any
     data: Any
     window: Any
+    users: Any
+    used: Any
     stack: Any
 
 
@@ -84,9 +87,11 @@ def power_jet(a, ad, add, b, bd, bdd):  # type: ignore[no-untyped-def]
 
 
 def function_jet(op, a, ad, add):  # type: ignore[no-untyped-def]
-    """Return sin, cos, exp, sqrt or abs of a jet, nan where it has no value."""
-    if math.isnan(a) or math.isinf(a):
+    """Return sin, cos, exp, sqrt, the square or abs of a jet, nan where it has no value."""
+    if math.isnan(a) or math.isinf(a) or (op == SQUARE and math.isinf(a * a)):
         return math.nan, math.nan, math.nan
+    if op == SQUARE:
+        return a * a, 2.0 * a * ad, 2.0 * (ad * ad + a * add)
     if op in (SIN, COS):
         s, c = math.sin(a), math.cos(a)
         if op == SIN:
@@ -234,12 +239,22 @@ def run(programs, k, t, out, row):  # type: ignore[no-untyped-def]
         out[row, i] = stack[i, top] if good else math.nan
 
 
-def combine(op, stack, top, n):  # type: ignore[no-untyped-def]
-    """Replace the two topmost by the result of a binary operation, with n derivatives."""
+def combine(op, stack, top, rows):  # type: ignore[no-untyped-def]
+    """Replace the two topmost by the result of a binary operation, with derivatives in the rows from 1."""
     a, b = stack[0, top], stack[0, top + 1]
-    f, by_a, _ = binary_jet(op, a, 1.0, 0.0, b, 0.0, 0.0)
-    by_b = binary_jet(op, a, 0.0, 0.0, b, 1.0, 0.0)[1]
-    for i in range(1, n + 1):
+    if op == MULTIPLY:
+        f, by_a, by_b = a * b, b, a
+    elif op in (ADD, SUBTRACT):
+        by_a, by_b = 1.0, 1.0 if op == ADD else -1.0
+        f = a + by_b * b
+    else:
+        f, by_a, _ = binary_jet(op, a, 1.0, 0.0, b, 0.0, 0.0)
+        by_b, varies = 0.0, False
+        for i in range(1, rows):
+            varies |= stack[i, top + 1] != 0.0
+        if varies:
+            by_b = binary_jet(op, a, 0.0, 0.0, b, 1.0, 0.0)[1]
+    for i in range(1, rows):
         # zero derivatives contribute nothing, even where the operation has no derivative
         one = by_a * stack[i, top] if stack[i, top] != 0.0 else 0.0
         stack[i, top] = one + by_b * stack[i, top + 1] if stack[i, top + 1] != 0.0 else one
@@ -252,36 +267,39 @@ def run_with_gradient(programs, k, t, values, out):  # type: ignore[no-untyped-d
     A value that is not finite is nan; a derivative that is not finite is 0.
     """
     code, arg, data, stack = programs.code, programs.arg, programs.data, programs.stack
-    n, at, top, end = len(values), programs.first[k], -1, programs.first[k + 1]
+    at, top, end = programs.first[k], -1, programs.first[k + 1]
+    first = programs.users[k]
+    rows = 1 + programs.users[k + 1] - first
     while at < end:
         op, p = code[at], arg[at]
         at += 1
         if KEEP <= op <= BRANCH:
-            at, top = steer(op, p, at, end, top, stack, n + 1)
+            at, top = steer(op, p, at, end, top, stack, rows)
         elif op in (SCALE, NEGATE):
             factor = data[p] if op == SCALE else -1.0
-            for i in range(n + 1):
+            for i in range(rows):
                 stack[i, top] *= factor
             stack[0, top] += data[p + 1] if op == SCALE else 0.0
         elif SIN <= op <= ABS:
             value, slope, _ = function_jet(op, stack[0, top], 1.0, 0.0)
-            for i in range(1, n + 1):
+            for i in range(1, rows):
                 stack[i, top] = slope * stack[i, top] if stack[i, top] != 0.0 else 0.0
             stack[0, top] = value
         elif op == QUANTITY:
             top += 1
-            for i in range(n + 1):
+            for i in range(rows):
                 stack[i, top] = 0.0
-            quantity = int(data[p])
-            stack[0, top], stack[1 + quantity, top] = values[quantity], 1.0
+            stack[0, top], stack[int(data[p + 1]), top] = values[int(data[p])], 1.0
         elif op >= RAMP or op <= TIME:
             top += 1
-            for i in range(n + 1):
+            for i in range(rows):
                 stack[i, top] = 0.0
             stack[0, top] = time_jet(op, data, p, t)[0]
         else:
             top -= 1
-            combine(op, stack, top, n)
+            combine(op, stack, top, rows)
     out[0] = stack[0, top] if math.isfinite(stack[0, top]) else math.nan
-    for i in range(1, n + 1):
-        out[i] = stack[i, top] if math.isfinite(stack[i, top]) else 0.0
+    for i in range(1, 1 + len(values)):
+        out[i] = 0.0
+    for i in range(1, rows):
+        out[1 + programs.used[first + i - 1]] = stack[i, top] if math.isfinite(stack[i, top]) else 0.0

@@ -27,6 +27,11 @@ class Assembler:
         # height of the stack after each instruction
         self.heights: list[int] = []
         self.depth = self.height = 0
+        # first instruction and first quantity of each function, and the end of the last one
+        self.first, self.users = [0], [0]
+        # quantities used by the functions one after another, and by the present one with their rows in the stack
+        self.used: list[int] = []
+        self.rows: dict[int, int] = {}
 
     def emit(self, op: int, grows: int, *numbers: float) -> int:
         """Append an instruction with its numbers and the growth of the stack; return its index."""
@@ -37,6 +42,22 @@ class Assembler:
         self.depth = max(self.depth, self.height)
         self.heights.append(self.height)
         return len(self.code) - 1
+
+    def end_function(self) -> None:
+        """Close a function; the next instruction begins another one."""
+        self.used += self.rows
+        self.rows, self.height = {}, 0
+        self.first.append(len(self.code))
+        self.users.append(len(self.used))
+
+    def assembled(self, rows: int) -> jets.Programs:
+        """Return the programs of all closed functions, with a stack of as many rows."""
+        import numpy as np
+
+        first, users, code, arg, used = (np.array(numbers, dtype=np.int64) for numbers in (
+            self.first, self.users, self.code, self.arg, self.used))
+        return jets.Programs(first, code, arg, np.array(self.data, dtype=np.float64), np.array([-np.inf, np.inf]),
+                             users, used, np.zeros((rows, max(self.depth, 1))))
 
     def set_targets(self, jumps: list[int]) -> None:
         """Make the jumps at these indices go to the next instruction."""
@@ -53,12 +74,15 @@ class Assembler:
             case Quantity(name):
                 meant = self.meaning.get(name, 0)
                 if isinstance(meant, int):
-                    self.emit(jets.QUANTITY, 1, meant)
+                    self.emit(jets.QUANTITY, 1, meant, self.rows.setdefault(meant, 1 + len(self.rows)))
                 else:
                     self.tree(meant)
             case Negative(operand):
                 self.tree(operand)
                 self.emit(jets.NEGATE, 0)
+            case Power(base, Constant(2.0)):
+                self.tree(base)
+                self.emit(jets.SQUARE, 0)
             case Power(base, exponent):
                 self.tree(base)
                 self.tree(exponent)
@@ -170,7 +194,7 @@ def _run(program: Assembler, t: float, length: int | None = None, stack: Any = N
     n = len(program.code) if length is None else length
     # the first instructions may end in a jump beyond them, which leaves the stack empty
     stack = defaultdict(float) if stack is None else stack
-    made = jets.Programs((0, n), program.code, program.arg, program.data, None, stack)
+    made = jets.Programs((0, n), program.code, program.arg, program.data, None, (), (), stack)
     out: dict[Any, float] = {}
     try:
         jets.run(made, 0, float(t), out, 0)
@@ -211,9 +235,8 @@ def programs(functions: Iterable[tuple[Function | None, float, float]], clocks: 
 
     None stands for the function 1; the list may be empty. Functions in ``clocks`` have t instead of their rate.
     """
-    out, first = Assembler(), [0]
+    out = Assembler()
     for k, (function, factor, offset) in enumerate(functions):
-        out.height = 0
         if function is None:
             out.emit(jets.NUMBER, 1, 1.0)
         else:
@@ -221,17 +244,8 @@ def programs(functions: Iterable[tuple[Function | None, float, float]], clocks: 
         out.emit(jets.SCALE, 0, factor * (1.0 if function is None else function.scale), offset)
         if k in clocks:
             out.emit(jets.CLOCK, 0)
-        first.append(len(out.code))
-    return _assembled(out, first, 3)
-
-
-def _assembled(out: Assembler, first: list[int], rows: int) -> jets.Programs:
-    """Return the programs that begin at the instructions ``first``, with a stack of as many rows."""
-    import numpy as np
-
-    return jets.Programs(np.array(first, dtype=np.int64), np.array(out.code, dtype=np.int64),
-                         np.array(out.arg, dtype=np.int64), np.array(out.data, dtype=np.float64),
-                         np.array([-np.inf, np.inf]), np.zeros((rows, max(out.depth, 1))))
+        out.end_function()
+    return out.assembled(3)
 
 
 def are_constant(programs: jets.Programs) -> bool:
@@ -247,17 +261,16 @@ def state_programs(functions: Sequence[tuple[Function | Tree, float]], meaning: 
 
     ``meaning`` is that of ``Assembler``.
     """
-    out, first = Assembler(meaning), [0]
+    out = Assembler(meaning)
     for function, factor in functions:
-        out.height = 0
         if isinstance(function, Function):
             function.emit(out)
             factor *= function.scale
         else:
             out.tree(function)
         out.emit(jets.SCALE, 0, factor, 0.0)
-        first.append(len(out.code))
-    return _assembled(out, first, 1 + count)
+        out.end_function()
+    return out.assembled(1 + count)
 
 
 def value_at(program: jets.Programs, k: int, t: float, values: Sequence[float]) -> tuple[float, list[float]]:

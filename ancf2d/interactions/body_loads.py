@@ -40,6 +40,8 @@ from .formulas import ALONG_BODY, LOCAL, RATES, density_formula, is_formula, wei
 Density = tuple[float | Profile, float | Profile]
 # Gauss points along the axis for a varying load, in addition to those for a constant one
 VARYING = 4
+# the same for a load by formula: exact for products of two interpolated quantities, such as drag by |v| v along a line
+OF_FORMULA = -1
 # orders of the derivative of r (or of theta) that gives the rotation of a section
 _TURNS_WITH = {"interpolated": (0, 1), "tangent": (1, 0), "theta": (0, 0)}
 
@@ -279,7 +281,7 @@ class Distributed:
             if isinstance(context.amplitude, FeedbackSignal):
                 raise PartError(("amplitude",), "the amplitude of a load by formula is a function of time alone",
                                 "a formula in value without probes and controllers")
-            cover = covered(mesh, self.from_, self.to, VARYING)
+            cover = covered(mesh, self.from_, self.to, OF_FORMULA)
             out.patches.append(FormulaLine(mesh, cover, self.value, context.amplitude))
             return
         more = 0 if all(isinstance(v, float) for v in self.value) else VARYING

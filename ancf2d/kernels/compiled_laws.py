@@ -202,7 +202,7 @@ def formula(programs: Any, n: int) -> Formula:
 
 _no_numbers = np.zeros(0, dtype=np.int64)
 _FORMULA = type_of(formula(jets.Programs(_no_numbers, _no_numbers, _no_numbers, np.zeros(0), np.zeros(2),
-                                         np.zeros((0, 0))), 0))
+                                         _no_numbers, _no_numbers, np.zeros((0, 0))), 0))
 _formula_record = at(_FORMULA)
 
 

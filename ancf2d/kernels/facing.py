@@ -314,7 +314,10 @@ def face(table, points, d, within, only):  # type: ignore[no-untyped-def]
     or ``IN_RANGE_OR_BESIDE``. Points far from all are marked as such and face nothing. ``only`` : a single item, or
     ``EVERY`` point.
     """
-    if len(table.item) == 0:
+    found = only == EVERY
+    for i in table.item:
+        found |= i == only
+    if len(table.item) == 0 or not found:
         return
     u, none, best, room = vector(200), vector(200), vector(7), vector(points.par.shape[1])
     fill_curves(table, d, none)

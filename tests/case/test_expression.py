@@ -165,6 +165,17 @@ def test_gradients_are_derivatives(text):
         assert gradient[i] == pytest.approx(rate, rel=1e-8, abs=1e-9)
 
 
+def test_each_function_has_the_gradient_by_its_own_quantities():
+    """Each uses some of five, in another order."""
+    names = {name: k for k, name in enumerate("abcde")}
+    trees = [syntax(formula(text, Names("t", {}, tuple(names)))) for text in ("d*b^2", "1 + t", "c/a - b", "e*e")]
+    program = state_programs([(tree, 1.0) for tree in trees], names, 5)
+    a, b, c, d, e = at = [2.0, 3.0, 5.0, 7.0, 11.0]
+    found = [value_at(program, k, 0.5, at) for k in range(4)]
+    assert found == [(d * b * b, [0, 2 * b * d, 0, b * b, 0]), (1.5, [0] * 5),
+                     (c / a - b, [-c / a**2, -1, 1 / a, 0, 0]), (e * e, [0, 0, 0, 0, 2 * e])]
+
+
 def test_equal_formulas_have_equal_parameters():
     one, same, other = (formula("k*t", Names("t", {"k": k, "m": m})) for k, m in ((1, 2), (1, 3), (2, 2)))
     assert one == same

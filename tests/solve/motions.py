@@ -71,10 +71,7 @@ class Ride:
     def on(self) -> Ride:
         """Continue to the end, optionally in chunks of so many steps."""
         while not self.stepper.done:
-            if self.chunk:
-                self.stepper.steps = self.chunk
-                self.stepper._adapt_chunk = lambda *_: None  # type: ignore[method-assign]
-            self.rows += [row for row in self.stepper.run() if row.kind != CHECK]
+            self.rows += [row for row in self.stepper.run(self.chunk or np.inf) if row.kind != CHECK]
         self.rows.append(self.stepper.last())
         return self
 

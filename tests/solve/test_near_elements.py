@@ -83,10 +83,10 @@ def test_motions_do_not_depend_on_which_elements_couple(law, method, monkeypatch
 
 
 def test_a_motion_resumes_bit_for_bit_with_the_entries_of_its_checkpoint():
-    whole = list(riding("law", "generalized_alpha").states())
+    run = riding("law", "generalized_alpha")
+    whole = list(run.states(advance=lambda: run.stepper.run(4)))
     kept = [state.checkpoint for state in whole if state.checkpoint is not None]
-    middle = kept[len(kept) // 2]
-    assert not np.array_equal(kept[0]["layout"], middle["layout"])
+    middle = next(one for one in kept if not np.array_equal(kept[0]["layout"], one["layout"]))
     *_, last = riding("law", "generalized_alpha").states(middle)
     np.testing.assert_array_equal(last.d, whole[-1].d)
 

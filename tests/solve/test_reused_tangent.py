@@ -46,7 +46,6 @@ def test_a_tangent_is_replaced_when_a_step_costs_more_than_the_mean(monkeypatch:
     """The mean cost of m steps with one tangent is minimal where the next step costs more than the mean."""
     monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
     trip = Ride(spinning("reissner3"), 0.2, method="radau5", dt=2e-3, every=1).start()
-    trip.stepper._adapt_chunk = lambda *_: None  # type: ignore[method-assign]
     trip.stepper.steps = 1
     numbers, costs, given_up = trip.stepper.s.numbers, [], 0
     while not trip.stepper.done:
@@ -65,8 +64,6 @@ def test_a_resumed_motion_has_its_earlier_tangent(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
     scene = spinning("reissner3", E=2e9)
     one, two = (Ride(scene, 0.3, method=method, dt=5e-3, every=1).start() for _ in range(2))
-    for trip in (one, two):
-        trip.stepper._adapt_chunk = lambda *_: None  # type: ignore[method-assign]
     one.stepper.steps = two.stepper.steps = 7
     one.stepper.run()
     assert one.stepper.s.numbers[TANGENT_STEPS] > 1

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from .. import calls
+from ..facing import EVERY
 from ..lowlevel.arrays import vector
 from ..lowlevel.jit import addressed, inner, kernel, seldom
 from ..moving import place_moving
@@ -48,14 +49,14 @@ def _item_acts(points, i, w, room):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _fill_acting(p, w, z, v, t, room, out):  # type: ignore[no-untyped-def]
-    """Set out to 1 for each stop that acts at unknowns z and rates v at time t, else to 0."""
+def _fill_acting(p, w, z, v, t, room, out, only):  # type: ignore[no-untyped-def]
+    """Set out to 1 for each stop that acts at unknowns z and rates v at time t, else to 0; or for stop ``only``."""
     signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     place_moving(p, w.d, w.amps)
     faced = False
-    for k in range(len(p.stops)):
+    for k in range(len(p.stops)) if only == EVERY else range(only, only + 1):
         # usually the item that acted last still does
         if not faced:
             face_body(p, p.stops[k, 2], w.d)
@@ -76,14 +77,14 @@ def _fill_acting(p, w, z, v, t, room, out):  # type: ignore[no-untyped-def]
 @seldom
 def acting(p, w, z, v, t, out):  # type: ignore[no-untyped-def]
     """Set out (k,) to 1 for each stop that acts at unknowns z and rates v at time t, else to 0."""
-    _fill_acting(p, w, z, v, t, work_arrays(p.points), out)
+    _fill_acting(p, w, z, v, t, work_arrays(p.points), out, EVERY)
 
 
 @inner
-def _fill_acting_within(p, w, s, m, at, t, h, x, room, out):  # type: ignore[no-untyped-def]
-    """Set out to 1 for each stop that acts at the fraction x of the step from s at t to m.end, else to 0."""
+def _fill_acting_within(p, w, s, m, at, t, h, x, room, out, only):  # type: ignore[no-untyped-def]
+    """Same as ``_fill_acting`` at the fraction x of the step from s at t to m.end."""
     interpolate(m, p, s, h, x, at.z, at.v, at.a)
-    _fill_acting(p, w, at.z, at.v, t + x * h, room, out)
+    _fill_acting(p, w, at.z, at.v, t + x * h, room, out, only)
 
 
 @addressed
@@ -97,18 +98,18 @@ def stop_crossing(p, w, s, m, at, t, h, near, beyond):  # type: ignore[no-untype
     n = len(p.stops)
     room = work_arrays(p.points)
     before, now, middle = vector(n), vector(n), vector(n)
-    _fill_acting_within(p, w, s, m, at, t, h, 0.0, room, before)
+    _fill_acting_within(p, w, s, m, at, t, h, 0.0, room, before, EVERY)
     first, what, low = NOWHERE, UNCHANGED, 0.0
     for place in range(1, SAMPLES + (2 if beyond > 0.0 else 1)):
         x = place / SAMPLES if place <= SAMPLES else 1.0 + beyond
-        _fill_acting_within(p, w, s, m, at, t, h, x, room, now)
+        _fill_acting_within(p, w, s, m, at, t, h, x, room, now, EVERY)
         for k in range(n):
             if now[k] == before[k]:
                 continue
             left, right = low, x
             for _ in range(HALVINGS):
                 half = 0.5 * (left + right)
-                _fill_acting_within(p, w, s, m, at, t, h, half, room, middle)
+                _fill_acting_within(p, w, s, m, at, t, h, half, room, middle, k)
                 if middle[k] == before[k]:
                     left = half
                 else:
@@ -121,7 +122,7 @@ def stop_crossing(p, w, s, m, at, t, h, near, beyond):  # type: ignore[no-untype
             break
         low = x
     if what == RELEASES:
-        _fill_acting_within(p, w, s, m, at, t, h, first + near, room, now)
+        _fill_acting_within(p, w, s, m, at, t, h, first + near, room, now, EVERY)
         what = ALL_RELEASED
         for k in range(n):
             if now[k] > 0.0:

@@ -15,6 +15,9 @@ from ...model.feedback import ANGLE
 from ...model.point_patch import check_formulas
 from ..state import Row
 
+# relative change of rates at a failure to those for which an expression that has no value is taken for its cause
+NEAR = 1e-6
+
 
 class MotionFeedback:
     """The feedback of a motion (``stepping.Stepper``)."""
@@ -90,7 +93,10 @@ class MotionFeedback:
         return dict(self.of_model.outputs(row.side, values))
 
     def check(self, h: float) -> None:
-        """Raise a ComputationError if an expression has no value here, or at the state extrapolated over h."""
+        """Raise a ComputationError if an expression has no value here, nearby, or at the state extrapolated over h.
+
+        Steps become ever shorter before rates at which a formula ends, and accelerations there have no meaning.
+        """
         motion, model, row = self.motion, self.motion.model, self.motion.current_row()
         if not np.isfinite([row.z, row.v, row.a]).all():
             # nothing has a value here
@@ -102,13 +108,13 @@ class MotionFeedback:
         fill_full(motion.p, row.a, motion.w.amps, 2, own)
         a = np.where(np.isfinite(a), a, own[:len(a)])
         turned, inner = model.turns.at(d, row.turned), motion.p.inner
-        for x in (0.0, h):
+        for x, more in ((0.0, 0.0), (h, 0.0), (0.0, NEAR), (0.0, -NEAR)):
             # coordinates whose extrapolation is not finite stay as they are
-            d, v = (np.where(np.isfinite(step), q + step, q) for q, step in (
-                (d, x * v + 0.5 * x * x * a), (v, x * a)))
+            ahead, rates = (np.where(np.isfinite(step), q + step, q) for q, step in (
+                (d, x * v + 0.5 * x * x * a), (v, x * a + more * v)))
             states = row.z[inner:] + x * row.v[inner:]
-            self.of_model.check(motion.t + x, self.of_model.values(d, v, turned, states))
-            check_formulas(model.interactions.points, d, v, motion.t + x)
+            self.of_model.check(motion.t + x, self.of_model.values(ahead, rates, turned, states))
+            check_formulas(model.interactions.points, ahead, rates, motion.t + x)
 
     def resume(self, sizes: Array) -> None:
         """Restore the feedback from a checkpoint."""
