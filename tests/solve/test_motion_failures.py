@@ -55,6 +55,17 @@ def test_a_section_that_inverts_at_its_support_ends_the_motion(method: str) -> N
     assert error is None
 
 
+@pytest.mark.parametrize("level", range(LEVELS))
+def test_a_motion_has_no_estimate_if_a_coarser_one_fails_before_its_first_state(level: int) -> None:
+    run = Run(model := h.build({"a": rod("cable", 2)}, {"type": "dynamic", "t_end": 0.2, "tolerance": 1e-6},
+                               loads=GRAVITY, bc=[{"type": "pin", "at": "a@0"}]), model.case.solver)
+    assert run.estimate is not None
+    run.estimate.coarse[level].failed = ComputationError("the forces are no longer finite")
+    *_, last = run.states()
+    assert last.report["accuracy"]["estimate"] is None
+    assert any("could not be computed (the forces are no longer finite)" in w for w in last.warnings)
+
+
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "RK45"])
 def test_states_before_a_failure_are_not_lost(method: str) -> None:
     fading = {"type": "expression", "value": "sqrt(0.1-t)"}

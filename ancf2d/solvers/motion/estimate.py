@@ -125,12 +125,13 @@ class Estimate:
         while len(times) and not self.failed:
             for level in range(self.levels):
                 self._reach(level, float(times[0]))
+            if self.failed:
+                return
             # as far as all motions are
             ends = [math.inf if one.done else queue[-1, 0] + self._near(level) for level, (one, queue) in enumerate(
                 zip(self.coarse[:self.levels], self.queues, strict=False))]
             count = int(np.searchsorted(times, min(ends), side="right"))
-            if not self.failed:
-                self._compare(times[:count], here[:count], own[:count])
+            self._compare(times[:count], here[:count], own[:count])
             times, here, own = times[count:], here[count:], own[count:]
 
     def _compare(self, times: Array, here: Array, own: Array) -> None:
