@@ -159,6 +159,12 @@ def test_a_missed_tolerance_is_reported(fine: float, words: list[str]) -> None:
     assert all(word in said[0] for word in words)
 
 
+def test_errors_as_large_as_the_motion_are_reported_with_the_default_tolerance() -> None:
+    (said,) = estimate_of(LEFT * 0.2 / SAFETY, 1e-6, 773, asked=False).warnings()
+    assert "the estimated error is 0.2 of the largest displacements" in said
+    assert "sensitive to its initial state" in said
+
+
 @pytest.mark.slow
 def test_the_advice_for_errors_that_add_up_reaches_the_error_that_it_names() -> None:
     """A force over ten elements: errors add up at each node, so the warning stays with every tolerance, not with an

@@ -12,8 +12,8 @@ from ...model.timing import rates_of
 from .integrators import INTEGRATORS, default_method
 from .stepping import Stepper
 
-# multiple of the tolerance above which errors cause a warning
-MISSED = 10.0
+# multiple of the tolerance above which errors cause a warning; with the default tolerance only larger ones than USELESS
+MISSED, USELESS = 10.0, 0.1
 # if ten times the tolerance changes the error by less than this factor, the error does not depend on it
 ASYMPTOTIC = 2.0**0.5
 # smallest share of the tolerance that is recommended: errors were observed with up to a hundred times the tolerance
@@ -34,9 +34,9 @@ def missed_tolerance(stepper: Stepper, estimate: float, order: float) -> list[st
     ``order``: the observed power of the tolerance with which errors grow.
     """
     case, tolerance, count = stepper.model.case, stepper.tolerance, int(stepper.s.numbers[COUNT])
-    # no warning for the default tolerance, nor where the accuracy control judges the runs itself
-    asked = getattr(case.solver, "tolerance", None) is not None and case.accuracy is None
-    if estimate <= MISSED * tolerance or not asked:
+    allowed = USELESS if getattr(case.solver, "tolerance", None) is None else MISSED * tolerance
+    # the accuracy control judges the runs itself
+    if estimate <= allowed or case.accuracy is not None:
         return []
     said = (f"the tolerance is missed: the estimated error is {estimate:.2g} of the largest displacements, "
             f"{estimate / tolerance:.0f} times the tolerance {tolerance:g}. ")
