@@ -299,7 +299,7 @@ class BodyPair:
             corner == 1.0 if itself else not self.whole) else 0.0
         beside = FADE_BESIDE * min(opposite, other.length)
         fade = min(FADE * p.weight, beside) if self.fades else 0.0
-        return [DEEPEST * (max(height, opposite) if fade else height), place_along(self.mesh, p),
+        return [DEEPEST * (opposite if fade else min(height, opposite)), place_along(self.mesh, p),
                 float(self.mesh.lengths[p.ie]), SELF_DISTANCE * height if itself else 0.0, loop if itself else 0.0,
                 corner, float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"), yields, loop,
                 float(bool(self.follows) and not moves(self.mesh, p, self.follows)), fade]
