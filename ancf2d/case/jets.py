@@ -20,12 +20,12 @@ class Programs(NamedTuple):
 
     ``code`` (n,) has the operations, ``arg`` (n,) the target of a jump or the index in ``data`` where the operation's
     numbers begin. ``window`` (2,) has the first and last time of evaluation; other times are clamped to it, so that a
-    step up to a break does not see what follows. Function k depends on the quantities used[users[k]] to
-    used[users[k + 1] - 1]. ``stack`` is work space: (3, depth), with quantities (1 + largest number in a function,
-    depth). Jump targets count from the beginning of ``code``. JUMP always jumps; BRANCH pops the top and jumps if it is
-    0; UNLESS does so too, and when it jumps sets the new top to 0. KEEP inserts a copy of the top below the two
-    topmost, for a chain of comparisons. QUANTITY pushes a quantity, whose numbers are its own and its row in the stack;
-    CLOCK sets the first derivative of the top to the time.
+    step up to a break does not see what follows. Function k depends on the quantities used[users[k]] to used[users[k +
+    1] - 1]. ``stack`` is work space: (3, depth), with quantities (1 + quantities, depth). Jump targets count from the
+    beginning of ``code``. JUMP always jumps; BRANCH pops the top and jumps if it is 0; UNLESS does so too, and when it
+    jumps sets the new top to 0. KEEP inserts a copy of the top below the two topmost, for a chain of comparisons.
+    QUANTITY pushes a quantity, whose numbers are its own and its row in the stack; CLOCK sets the first derivative of
+    the top to the time.
     """
 
     first: Any

@@ -12,7 +12,7 @@ from pursued import CANTILEVER, TWO, case, limit
 from ancf2d.case import load_case
 from ancf2d.model.build import build_model
 from ancf2d.study.accuracy.control import solve_to_accuracy
-from ancf2d.study.accuracy.models import LEFT_OUT, Warped, effects_of_strains
+from ancf2d.study.accuracy.models import LEFT_OUT, Deformation, effects_of_strains
 from ancf2d.study.accuracy.setting import Setting, with_setting
 from ancf2d.study.goal import solve_for_goal
 from ancf2d.study.variants import Variant
@@ -95,7 +95,7 @@ def test_rigid_bodies_on_redundant_supports_are_solved_if_their_reactions_are_wa
 def test_types_of_a_motion_are_the_same_from_its_deformation_as_by_solving_each(quantity, monkeypatch):
     loaded = four_bar("accuracy=1e-3", f"goal.quantity={quantity}")
     foreseen = solve_to_accuracy(loaded).accuracy
-    monkeypatch.setattr(Warped, "effects", lambda self, goal: None)
+    monkeypatch.setattr(Deformation, "effects", lambda self, goal: None)
     solved = solve_to_accuracy(loaded).accuracy
     assert {name: one["element"] for name, one in foreseen["types"].items()} == {
         name: one["element"] for name, one in solved["types"].items()} == {
@@ -118,9 +118,9 @@ def test_a_body_that_moves_rigidly_keeps_its_shape_and_one_that_bends_does_not()
     turned, bent = (np.zeros(model.n_q) for _ in range(2))
     turned[0::3], turned[1::3] = np.cos(1.0) * x - np.sin(1.0) * y - x + 3.0, np.sin(1.0) * x + np.cos(1.0) * y - y
     bent[1::3] = 1e-6 * np.sin(np.pi * (x - x.min()) / np.ptp(x))
-    found = [Warped(["beam"]) for _ in range(2)]
-    for warped, d in zip(found, (turned, bent), strict=True):
-        list(warped.watch(model, [SimpleNamespace(d=d)]))
+    found = [Deformation(["beam"]) for _ in range(2)]
+    for deformation, d in zip(found, (turned, bent), strict=True):
+        list(deformation.watch(model, [SimpleNamespace(d=d)]))
     assert found[0].most["beam"] < 1e-12
     assert found[1].most["beam"] == pytest.approx(1e-6 * 2.0 / np.pi, rel=0.02)
 

@@ -50,7 +50,10 @@ def _item_acts(points, i, w, room):  # type: ignore[no-untyped-def]
 
 @inner
 def _fill_acting(p, w, z, v, t, room, out, only):  # type: ignore[no-untyped-def]
-    """Set out to 1 for each stop that acts at unknowns z and rates v at time t, else to 0; or for stop ``only``."""
+    """Set out to 1 for each stop that acts at unknowns z and rates v at time t, else to 0.
+
+    ``only`` : a single stop, whose entry alone is set, or ``EVERY`` stop.
+    """
     signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)

@@ -44,8 +44,8 @@ HOPELESS = 10.0
 FAR = 0.1
 
 
-# function that gives the change of the goal with types but for one body, None if that is not possible, from these
-# types, the body, its type and the change that would be allowed in all
+# function that returns the change of the goal, or None if it cannot be computed, from the types of the bodies, one body
+# with its type in place of that, and the change that would be allowed in all
 Change = Callable[[dict[str, Variant], str, Variant, float], float | None]
 
 
@@ -74,13 +74,13 @@ def choose_types(pursuit: Pursuit, bodies: list[str], allowed: float, tolerance:
     """Return the simplest types that change the goal by no more than ``allowed`` (relative) in all."""
     ladders = {name: candidates(pursuit, name) for name in bodies}
     best, meshes = {name: ladder[-1] for name, ladder in ladders.items()}, _Meshes(pursuit, tolerance)
-    warped = Warped(bodies) if pursuit.loaded.case.solver.moves else None
-    watched = None if warped is None else lambda model: warped.watch(model, solve(model))
+    deformation = Deformation(bodies) if pursuit.loaded.case.solver.moves else None
+    watched = None if deformation is None else lambda model: deformation.watch(model, solve(model))
     level = meshes.solve(best, SIZE, "reference model for the errors", watched)
     reference = Choice(best, {name: f"errors are relative to {kind.element}" for name, kind in best.items()}, 0.0)
     if level.answer is None:
         return reference
-    predicted = _predictor(pursuit, ladders, warped)
+    predicted = _predictor(pursuit, ladders, deformation)
     if predicted is not None:
         choice = _simplified(ladders, allowed, reference, predicted)
         change = meshes.change_of(choice, best, allowed)
@@ -119,17 +119,17 @@ def _simplified(ladders: dict[str, list[Variant]], allowed: float, reference: Ch
     return Choice(types, why, error)
 
 
-def _predictor(pursuit: Pursuit, ladders: dict[str, list[Variant]], warped: Warped | None) -> Change | None:
+def _predictor(pursuit: Pursuit, ladders: dict[str, list[Variant]], deformation: Deformation | None) -> Change | None:
     """Return what types change according to the reference model solved last, or None if nothing is known.
 
-    In motions it follows from how far bodies have ``warped``, else from virtual work. Effects of bodies add up.
+    In motions it follows from how far bodies deform, else from virtual work. Effects of bodies add up.
     """
     if any(kind not in LEFT_OUT for ladder in ladders.values() for kind in ladder[:-1]):
         return None
     assert pursuit.case is not None
     assert pursuit.last is not None
     level, solved = pursuit.last
-    effects = effects_of_strains(pursuit.case, solved, list(ladders)) if warped is None else warped.effects(
+    effects = effects_of_strains(pursuit.case, solved, list(ladders)) if deformation is None else deformation.effects(
         pursuit.loaded.case.goal)
     if effects is None or level.answer is None:
         return None
@@ -140,7 +140,7 @@ def _predictor(pursuit: Pursuit, ladders: dict[str, list[Variant]], warped: Warp
 
 
 @dataclass
-class Warped:
+class Deformation:
     """How far bodies leave their shape in a motion: the largest distance [m] of nodes from a rigidly moved body."""
 
     bodies: list[str]
@@ -169,7 +169,7 @@ class Warped:
     def effects(self, goal: Goal | None) -> dict[str, Array] | None:
         """Return what stretch, shear and bending of each body (3,) may contribute to a displacement or rotation.
 
-        None for other goals. The part of shear is that of a uniform load on a beam.
+        None for other goals. The part of shear is that of a force in the middle of a simply supported beam.
         """
         if goal is None or goal.quantity not in MOTIONS:
             return None

@@ -65,7 +65,7 @@ class Pursuit:
 
     def solve(self, setting: Setting, why: str, estimate_of: EstimateOf | None = None, how: Solve | None = None
               ) -> Level:
-        """Return the level of a setting, solved unless it is known, ``how`` if that is given.
+        """Return the level of a setting, solved unless it is known, by ``how`` if that is given.
 
         If it may be the result, ``estimate_of`` gives its error: then it is written, unless it starts from a guess.
         Raises CaseError for an invalid case.
